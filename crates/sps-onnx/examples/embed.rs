@@ -19,10 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let encoder = OnnxEncoder::read(Path::new(&path), settings)?;
     let size = encoder.size();
     let embedding = encoder.embed(&[&vec![0.5; 3 * size * size]], [size; 2])?;
-    println!(
-        "{:?}: {:?} ...",
-        encoder.blocks(),
-        &embedding[..4.min(embedding.len())]
-    );
+    let first = &embedding[..4.min(embedding.len())];
+    println!("{:?}: {first:?} ...", encoder.blocks());
     Ok(())
 }

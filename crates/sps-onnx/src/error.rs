@@ -28,7 +28,7 @@ impl OnnxError {
 pub enum ErrorKind {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
-    Io(std::io::Error),
+    Io(#[from] std::io::Error),
     /// This build reads no ONNX files.
     #[error("found an ONNX file, expected a build with the feature `onnx`, which reads them")]
     NotBuilt,

@@ -91,12 +91,13 @@ impl OnnxEncoder {
     ///
     /// A file that cannot be read or has more than 2 GiB; what [`OnnxEncoder::new`] says.
     pub fn read(path: &Path, settings: Settings) -> Result<Self, OnnxError> {
-        let failed = |error| OnnxError::new(&path.to_string_lossy(), ErrorKind::Io(error));
-        let length = fs::metadata(path).map_err(failed)?.len();
-        let bytes = checked_length(length).map(|()| fs::read(path));
-        let bytes = bytes.map_err(|kind| OnnxError::new(&path.to_string_lossy(), kind))?;
+        let bytes = || {
+            checked_length(fs::metadata(path)?.len())?;
+            Ok(fs::read(path)?)
+        };
+        let bytes = bytes().map_err(|kind| OnnxError::new(&path.to_string_lossy(), kind))?;
         let name = path.file_name().unwrap_or(path.as_os_str());
-        Self::new(&name.to_string_lossy(), bytes.map_err(failed)?, settings)
+        Self::new(&name.to_string_lossy(), bytes, settings)
     }
 
     /// Takes the bytes of a file, called `file` in messages, and runs the network once, on a black image.
@@ -118,20 +119,18 @@ impl OnnxEncoder {
 
     fn make(file: &str, bytes: Arc<[u8]>, settings: Settings) -> Result<Self, ErrorKind> {
         checked_length(bytes.len() as u64)?;
-        let finite = settings.mean.iter().chain(&settings.std);
-        if !finite.copied().all(f32::is_finite) || settings.std.iter().any(|std| *std <= 0.0) {
-            let found = format!("{:?} and {:?}", settings.mean, settings.std);
+        let Settings { mean, std, .. } = settings;
+        let finite = mean.iter().chain(&std).all(|number| number.is_finite());
+        if !finite || std.iter().any(|std| *std <= 0.0) {
+            let found = format!("{mean:?} and {std:?}");
             let expected = "finite numbers, deviations above 0";
             return Err(ErrorKind::input("mean and std", found, expected));
         }
         let graph = Graph::load(&bytes, &settings.outputs)?;
         let size = match (settings.size, graph.size()) {
             (Some(asked), Some(own)) if asked != own => {
-                return Err(ErrorKind::input(
-                    "size",
-                    asked,
-                    format_args!("the file's, {own}"),
-                ));
+                let expected = format!("the file's, {own}");
+                return Err(ErrorKind::input("size", asked, expected));
             }
             (asked, own) => asked.or(own).ok_or_else(|| {
                 let expected = "a number of pixels: the file takes images of any size";
@@ -139,11 +138,8 @@ impl OnnxEncoder {
             })?,
         };
         if !(1..=LARGEST).contains(&size) {
-            return Err(ErrorKind::input(
-                "size",
-                size,
-                format_args!("1 to {LARGEST}"),
-            ));
+            let expected = format!("1 to {LARGEST}");
+            return Err(ErrorKind::input("size", size, expected));
         }
         let mut encoder = Self {
             file: file.to_owned(),
@@ -153,10 +149,8 @@ impl OnnxEncoder {
             blocks: Vec::new(),
             graph: Arc::new(graph),
         };
-        let black = vec![0.0; 3 * size * size];
-        let images = encoder
-            .graph
-            .each(1, size, |_| encoder.planes(&black, [size; 2]))?;
+        let black = encoder.planes(&vec![0.0; 3 * size * size], [size; 2]);
+        let images = encoder.graph.each(1, size, |_| black.clone())?;
         let widths = images.iter().flatten().map(Vec::len);
         let names = encoder.graph.outputs().into_iter();
         encoder.blocks = names.zip(widths).collect();
@@ -218,9 +212,8 @@ impl OnnxEncoder {
             let expected = format!("that many, and sides of at least {}", self.size);
             return Err(ErrorKind::input("an image", found, expected));
         }
-        let rows = self
-            .graph
-            .each(images.len(), self.size, |at| self.planes(images[at], size))?;
+        let planes = |at: usize| self.planes(images[at], size);
+        let rows = self.graph.each(images.len(), self.size, planes)?;
         let mut values = Vec::with_capacity(images.len() * self.width());
         for outputs in rows {
             let widths = outputs.iter().map(Vec::len);

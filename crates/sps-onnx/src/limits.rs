@@ -57,18 +57,13 @@ pub(crate) fn check(bytes: &[u8]) -> Result<(), String> {
     if walk.nodes.is_empty() {
         return Err("not an ONNX file: found no operator".to_owned());
     }
-    for node in walk
-        .nodes
-        .iter()
-        .filter(|node| !NOT_ENLARGING.contains(&node.name))
-    {
+    for node in &walk.nodes {
         let large = node.inputs.iter().filter_map(|input| walk.large.get(input));
         let largest = large.fold(node.largest, |largest, number| largest.max(*number));
-        if largest > LARGEST {
+        if largest > LARGEST && !NOT_ENLARGING.contains(&node.name) {
             let operator = String::from_utf8_lossy(node.name);
-            return Err(format!(
-                "{operator}: found the number {largest}, expected at most {LARGEST}"
-            ));
+            let found = format!("found the number {largest}, expected at most {LARGEST}");
+            return Err(format!("{operator}: {found}"));
         }
     }
     Ok(())
@@ -170,10 +165,9 @@ impl<'a> Part<'a> {
             (Message::Tensor, 2) => self.kind = field.value.unwrap_or(0),
             (Message::Tensor, 9) => self.raw = content,
             (Message::Tensor, 14) if field.value == Some(1) => {
+                let found = "found weights that lie in another file";
                 let expected = "expected them in it: export with `external_data=False`";
-                return Err(format!(
-                    "found weights that lie in another file, {expected}"
-                ));
+                return Err(format!("{found}, {expected}"));
             }
             (Message::Tensor, 8) | (Message::Node, 4) => self.name = content,
             (Message::Node, 1) => self.inputs.push(content),
@@ -194,16 +188,16 @@ impl<'a> Part<'a> {
     fn add_raw(&mut self) {
         let raw = self.raw;
         match self.kind {
-            6 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| self.add(i32::from_le_bytes(*b).into())),
-            7 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| self.add(i64::from_le_bytes(*b))),
+            6 => {
+                for bytes in raw.as_chunks().0 {
+                    self.add(i32::from_le_bytes(*bytes).into());
+                }
+            }
+            7 => {
+                for bytes in raw.as_chunks().0 {
+                    self.add(i64::from_le_bytes(*bytes));
+                }
+            }
             _ => {}
         }
     }

@@ -17,11 +17,6 @@ impl WeightsError {
         }
     }
 
-    /// The file, or what else the weights came from.
-    pub fn origin(&self) -> &str {
-        &self.origin
-    }
-
     /// What is wrong with them.
     pub fn kind(&self) -> &WeightsErrorKind {
         &self.kind

@@ -133,7 +133,9 @@ impl Encoder {
     pub fn new(kind: EncoderKind, mut weights: Weights) -> Result<Self> {
         let network = kind.network();
         let scales = weights.remove(scales::TENSOR);
-        let mut weights = fit(&network, weights)?;
+        let weights = weights.renamed(|name| network.own_name(name));
+        let passes = |name: &str| network.passes(name);
+        let mut weights = weights.fit(network.name, &network.specs(), passes)?;
         if let Some(scales) = scales {
             weights.replace(scales::TENSOR, scales);
             scales::read(&network, &weights)?;
@@ -368,13 +370,6 @@ impl Encoder {
         let normalisation = self.network.normalisation;
         Ok(Images::new(pixels, Order::Pixels, size, normalisation)?)
     }
-}
-
-/// The weights that a network needs, by its own names.
-fn fit(network: &Network, weights: Weights) -> Result<Weights> {
-    let weights = weights.renamed(|name| network.own_name(name));
-    let passes = |name: &str| network.passes(name);
-    Ok(weights.fit(network.name, &network.specs(), passes)?)
 }
 
 fn kernels(

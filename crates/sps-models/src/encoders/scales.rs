@@ -12,10 +12,7 @@ use crate::weights::Weights;
 pub(super) const TENSOR: &str = "int8.scales";
 
 /// The scales that weights hold, one for each map; `None` where they hold none.
-///
-/// # Errors
-///
-/// When they are not as many as the network has maps, or one is no scale.
+/// Refuses those that are not as many as the network has maps, and one that is no scale.
 pub(super) fn read(network: &Network, weights: &Weights) -> Result<Option<Vec<Scale>>> {
     let Ok(tensor) = weights.get(TENSOR) else {
         return Ok(None);

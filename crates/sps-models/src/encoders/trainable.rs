@@ -137,11 +137,6 @@ impl TrainableEncoder {
         self
     }
 
-    /// Gives back to the system the memory that is kept for passes to come.
-    pub fn shrink(&self) {
-        self.training.shrink();
-    }
-
     /// Gradient checkpointing: keeps only each block's input for the backward pass, which then
     /// runs each block forward once more. The gradients are the same to the last bit.
     #[must_use]

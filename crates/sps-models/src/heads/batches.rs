@@ -89,7 +89,7 @@ impl<'a> Batches<'a> {
                 seen.push_seen(input, embeddings, surface, views, &mut visual);
                 tactile.push(job.training.tactile[at].unwrap_or(0.0));
                 measured.push(job.training.tactile[at].is_some());
-                labels.push(job.labels.as_ref().and_then(|labels| labels.of()[at]));
+                labels.push(job.labels.as_ref().and_then(|labels| labels.of[at]));
             }
         }
         let labelled: Vec<bool> = labels.iter().map(Option::is_some).collect();

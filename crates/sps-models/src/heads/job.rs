@@ -57,7 +57,7 @@ impl Part {
 
 impl Job<'_> {
     pub(super) fn classes(&self) -> usize {
-        self.labels.as_ref().map_or(0, |labels| labels.classes())
+        self.labels.as_ref().map_or(0, |labels| labels.classes)
     }
 
     pub(super) fn dims(&self, config: &HeadConfig, embeddings: &Embeddings) -> Dims {

@@ -264,6 +264,6 @@ fn read(data: &TrainingData<'_>, surfaces: &[usize]) -> Result<Vec<String>> {
 }
 
 fn labels(labels: Option<&Arc<Labels>>, surfaces: &[usize]) -> BTreeMap<usize, Option<u32>> {
-    let labels = labels.iter().flat_map(|labels| labels.of());
+    let labels = labels.iter().flat_map(|labels| &labels.of);
     surfaces.iter().copied().zip(labels.copied()).collect()
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use linfa::DatasetBase;
 use linfa::traits::{Fit, Predict};
 use linfa_clustering::{KMeans, KMeansInit};
-use ndarray::{Array2, Axis, concatenate};
+use ndarray::{Array2, ArrayView1, Axis, concatenate};
 use rand_chacha_03::ChaCha8Rng;
 use rand_chacha_03::rand_core::SeedableRng;
 use sps_base::streams;
@@ -46,9 +46,8 @@ pub(super) fn tactile(
             continue; // never measured: the same for all
         };
         for (cell, &at) in column.iter_mut().zip(&rows) {
-            let value = readings
-                .get(training[at], property)
-                .unwrap_or(standard.mean);
+            let value = readings.get(training[at], property);
+            let value = value.unwrap_or(standard.mean);
             *cell = if standardise {
                 standard.standardise(value)
             } else {
@@ -71,18 +70,6 @@ pub(super) fn visual(
     Ok(columns(pca.transform(rows.view())))
 }
 
-/// The labels of all surfaces, of which the rows are some.
-pub(super) fn spread_out(surfaces: usize, rows: &[usize], of: &[usize], classes: usize) -> Labels {
-    let mut labels = vec![None; surfaces];
-    for (&at, &class) in rows.iter().zip(of) {
-        labels[at] = Some(class as u32);
-    }
-    Labels {
-        classes,
-        of: labels,
-    }
-}
-
 /// Two tables of equal height side by side.
 pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f64>> {
     concatenate(Axis(1), &[left.view(), right.view()])
@@ -99,16 +86,17 @@ fn columns(mut table: Array2<f64>) -> Array2<f64> {
     table
 }
 
-/// The cluster of each row of `points`, and how many clusters there are.
+/// Labels of so many surfaces, of which `rows` have the `points`: their clusters.
 ///
 /// k-means with k-means++ starts (the parallel start of linfa depends on the number of threads).
 /// `clusters` is reduced to the number of distinct points.
 pub(super) fn cluster(
+    surfaces: usize,
+    rows: &[usize],
     points: Array2<f64>,
     clusters: usize,
-    seed: u64,
-    rerun: u64,
-) -> Result<(Vec<usize>, usize)> {
+    (seed, rerun): (u64, u64),
+) -> Result<Labels> {
     let clusters = clusters.min(distinct(&points));
     let points = DatasetBase::from(points);
     let rng = stream_for_linfa(seed, "labels/k-means", rerun);
@@ -119,18 +107,19 @@ pub(super) fn cluster(
         .max_n_iterations(MAX_ITERATIONS)
         .fit(&points)
         .map_err(|error| Error::input("k-means", error, "clusters"))?;
-    let of = model.predict(points.records());
-    Ok((of.to_vec(), clusters))
+    let mut of = vec![None; surfaces];
+    for (&at, &class) in rows.iter().zip(&model.predict(points.records())) {
+        of[at] = Some(class as u32);
+    }
+    let classes = clusters;
+    Ok(Labels { classes, of })
 }
 
 fn distinct(points: &Array2<f64>) -> usize {
-    points
-        .rows()
-        .into_iter()
-        // Adding zero makes the two zeros one.
-        .map(|row| row.iter().map(|v| (v + 0.0).to_bits()).collect::<Vec<_>>())
-        .collect::<HashSet<_>>()
-        .len()
+    // Adding zero makes the two zeros one.
+    let bits = |row: ArrayView1<'_, f64>| row.iter().map(|v| (v + 0.0).to_bits()).collect();
+    let rows: HashSet<Vec<u64>> = points.rows().into_iter().map(bits).collect();
+    rows.len()
 }
 
 /// The stream of [`streams::named_stream`], for linfa, which takes rand 0.8.

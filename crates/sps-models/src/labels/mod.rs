@@ -3,23 +3,6 @@
 //! Three kinds, as in the paper's ablation: material classes, clusters of tactile values, and
 //! clusters of visual and tactile values together. All are formed from the training surfaces of a
 //! rerun alone.
-//!
-//! ```
-//! use sps_models::labels::{LabelSource, label};
-//! use sps_regress::{Embeddings, Readings, TrainingData};
-//!
-//! let rows = [Some(31.0), Some(78.0), None, Some(30.0), Some(80.0)].map(|reading| vec![reading]);
-//! let readings = Readings::new(vec!["friction".into()], &rows)?;
-//! let visual = Embeddings::new(vec![0.0; 10], [5, 1, 2])?;
-//! let tables = TrainingData::new(&visual, &readings);
-//!
-//! let source = LabelSource::TactileCluster { clusters: 2, standardise_tactile: true };
-//! let labels = label(&source, &tables, &[0, 1, 2, 3, 4], 7, 0)?;
-//! let of = labels.of();
-//! assert!(of[0] == of[3] && of[1] == of[4] && of[0] != of[1]);
-//! assert_eq!((labels.classes(), of[2]), (2, None)); // not touched, not labelled
-//! # Ok::<(), sps_models::Error>(())
-//! ```
 
 #[cfg(feature = "clusters")]
 mod clusters;
@@ -31,7 +14,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "clusters")]
-use clusters::{beside, cluster, spread_out, tactile, visual};
+use clusters::{beside, cluster, tactile, visual};
 use sps_regress::{TrainingData, check_indices};
 
 use crate::error::{Error, Result, require};
@@ -97,38 +80,26 @@ impl LabelSource {
         let known = cfg!(feature = "clusters") || *self == Self::Material {};
         let expected = "a build with the feature `clusters` of sps-models";
         require(known, "labels", "clusters", expected)?;
-        let (clusters, components) = match *self {
-            Self::Material {} => (1, 1),
-            Self::TactileCluster { clusters, .. } => (clusters, 1),
-            Self::VisuoTactileCluster {
-                clusters,
-                components,
-                ..
-            } => (clusters, components),
-        };
-        require(clusters > 0, "clusters", clusters, "at least 1")?;
-        require(components > 0, "components", components, "at least 1")
+        if let Self::VisuoTactileCluster { components, .. } = *self {
+            require(components > 0, "components", components, "at least 1")?;
+        }
+        match *self {
+            Self::Material {} => Ok(()),
+            Self::TactileCluster { clusters, .. } | Self::VisuoTactileCluster { clusters, .. } => {
+                require(clusters > 0, "clusters", clusters, "at least 1")
+            }
+        }
     }
 }
 
 /// One label for each of some surfaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Labels {
-    classes: usize,
-    of: Vec<Option<u32>>,
-}
-
-impl Labels {
+pub(crate) struct Labels {
     /// How many classes; a class need not have a member.
-    pub fn classes(&self) -> usize {
-        self.classes
-    }
-
+    pub(crate) classes: usize,
     /// The class of each surface, in the order in which the surfaces were given. `None` is a
     /// surface that could not be labelled: it takes no part in the classification loss.
-    pub fn of(&self) -> &[Option<u32>] {
-        &self.of
-    }
+    pub(crate) of: Vec<Option<u32>>,
 }
 
 /// Labels the surfaces of `training` (indices into the tables), from these surfaces alone.
@@ -137,13 +108,8 @@ impl Labels {
 /// sequence. A missing tactile value counts as its property's mean. A surface without any tactile value has
 /// no label from tactile clusters, and one by sight alone from visuo-tactile clusters. The same
 /// (source, tables, surfaces, seed, rerun) gives the same labels on any number of threads.
-///
-/// # Errors
-///
-/// No surfaces, indices outside the tables, no tactile readings or materials where they are
-/// needed, a count of zero; clusters without the feature `clusters`.
 #[cfg_attr(not(feature = "clusters"), expect(unused_variables))]
-pub fn label(
+pub(crate) fn label(
     source: &LabelSource,
     tables: &TrainingData<'_>,
     training: &[usize],
@@ -151,33 +117,30 @@ pub fn label(
     rerun: u64,
 ) -> Result<Labels> {
     source.check()?;
-    if training.is_empty() {
-        return Err(Error::input("surfaces to label", "none", "at least one"));
-    }
+    let some = !training.is_empty();
+    require(some, "surfaces to label", "none", "at least one")?;
     check_indices("labelled surface", training, tables.readings.surfaces())?;
     match source {
         LabelSource::Material {} => by_material(tables.materials, training),
         #[cfg(feature = "clusters")]
-        LabelSource::TactileCluster {
+        &LabelSource::TactileCluster {
             clusters,
             standardise_tactile,
         } => {
-            let (touched, points) =
-                tactile(tables.readings, training, *standardise_tactile, false)?;
-            let (of, classes) = cluster(points, *clusters, seed, rerun)?;
-            Ok(spread_out(training.len(), &touched, &of, classes))
+            let (rows, points) = tactile(tables.readings, training, standardise_tactile, false)?;
+            cluster(training.len(), &rows, points, clusters, (seed, rerun))
         }
         #[cfg(feature = "clusters")]
-        LabelSource::VisuoTactileCluster {
+        &LabelSource::VisuoTactileCluster {
             clusters,
             components,
             standardise_tactile,
         } => {
             check_indices("labelled surface", training, tables.embeddings.surfaces())?;
-            let (all, touch) = tactile(tables.readings, training, *standardise_tactile, true)?;
-            let sight = visual(tables.embeddings, training, *components)?;
-            let (of, classes) = cluster(beside(&sight, &touch)?, *clusters, seed, rerun)?;
-            Ok(spread_out(training.len(), &all, &of, classes))
+            let (rows, touch) = tactile(tables.readings, training, standardise_tactile, true)?;
+            let sight = visual(tables.embeddings, training, components)?;
+            let points = beside(&sight, &touch)?;
+            cluster(training.len(), &rows, points, clusters, (seed, rerun))
         }
         #[cfg(not(feature = "clusters"))]
         // Refused by the check.
@@ -191,11 +154,10 @@ fn by_material(materials: Option<&[String]>, training: &[usize]) -> Result<Label
     check_indices("labelled surface", training, materials.len())?;
     let names: BTreeSet<&String> = materials.iter().collect();
     let names: Vec<&String> = names.into_iter().collect();
-    let class = |&surface: &usize| names.binary_search(&&materials[surface]).ok();
-    let classes = training.iter().map(class);
+    let class = |&surface: &usize| Some(names.binary_search(&&materials[surface]).ok()? as u32);
     Ok(Labels {
         classes: names.len(),
-        of: classes.map(|class| class.map(|c| c as u32)).collect(),
+        of: training.iter().map(class).collect(),
     })
 }
 

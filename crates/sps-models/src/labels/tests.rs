@@ -52,10 +52,10 @@ fn clusters_find_groups_that_are_far_apart() {
     let training: Vec<usize> = (3..30).collect();
     for source in sources(3) {
         let labels = label(&source, &tables, &training, 1, 0).unwrap();
-        assert_eq!(labels.classes(), 3);
+        assert_eq!(labels.classes, 3);
         for (a, &one) in training.iter().enumerate() {
             for (b, &other) in training.iter().enumerate() {
-                let same = labels.of()[a] == labels.of()[b];
+                let same = labels.of[a] == labels.of[b];
                 assert_eq!(same, one % 3 == other % 3, "surfaces {one} and {other}");
             }
         }
@@ -93,8 +93,8 @@ fn a_material_is_a_class_with_or_without_a_training_surface() {
     let mut tables = TrainingData::new(&visual, &readings);
     tables.materials = Some(&materials);
     let labels = label(&LabelSource::Material {}, &tables, &[0, 2, 4], 1, 0).unwrap();
-    assert_eq!(labels.classes(), 3);
-    assert_eq!(labels.of(), [Some(2), Some(2), Some(0)]);
+    assert_eq!(labels.classes, 3);
+    assert_eq!(labels.of, [Some(2), Some(2), Some(0)]);
     tables.materials = None;
     let error = label(&LabelSource::Material {}, &tables, &[0], 1, 0).unwrap_err();
     let expected = "materials: found none";
@@ -121,9 +121,9 @@ fn standardising_is_what_makes_sight_count() {
             standardise_tactile,
         };
         let labels = label(&source, &tables, &training, 1, 0).unwrap();
-        let of = |s: usize| labels.of()[s];
+        let of = &labels.of;
         // Whether surfaces that feel alike and look different are told apart.
-        of(0) != of(20) && of(1) != of(21)
+        of[0] != of[20] && of[1] != of[21]
     };
     assert!(groups(true));
     assert!(!groups(false));
@@ -142,11 +142,11 @@ fn a_missing_reading_counts_as_the_mean_and_a_surface_without_any_has_no_tactile
     let tables = TrainingData::new(&visual, &readings);
     let [touch, both] = sources(2);
     let labels = label(&touch, &tables, &[0, 1, 2, 3], 1, 0).unwrap();
-    assert_eq!(labels.of()[2], None);
-    assert_eq!(labels.of()[1], labels.of()[3]);
-    assert_ne!(labels.of()[0], labels.of()[1]);
+    assert_eq!(labels.of[2], None);
+    assert_eq!(labels.of[1], labels.of[3]);
+    assert_ne!(labels.of[0], labels.of[1]);
     let labels = label(&both, &tables, &[0, 1, 2, 3], 1, 0).unwrap();
-    assert!(labels.of().iter().all(Option::is_some));
+    assert!(labels.of.iter().all(Option::is_some));
     let error = label(&touch, &tables, &[2], 1, 0).unwrap_err();
     let expected = "readings for labels: found none";
     assert!(error.to_string().starts_with(expected), "{error}");
@@ -199,15 +199,15 @@ mod hard_cases {
         for source in sources(15) {
             let training: Vec<usize> = (0..9).collect();
             let labels = label(&source, &tables, &training, 3, 0).unwrap();
-            assert_eq!(labels.classes(), 3);
+            assert_eq!(labels.classes, 3);
             let naive = 15.min(training.len());
             assert_ne!(naive, 3, "the naive form has classes without a member");
             for s in 0..9 {
-                assert_eq!(labels.of()[s], labels.of()[s % 3]);
+                assert_eq!(labels.of[s], labels.of[s % 3]);
             }
-            assert_ne!(labels.of()[0], labels.of()[1]);
-            assert_ne!(labels.of()[1], labels.of()[2]);
-            assert_ne!(labels.of()[0], labels.of()[2]);
+            assert_ne!(labels.of[0], labels.of[1]);
+            assert_ne!(labels.of[1], labels.of[2]);
+            assert_ne!(labels.of[0], labels.of[2]);
         }
     }
 }

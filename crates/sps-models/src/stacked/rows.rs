@@ -110,26 +110,25 @@ fn by_rows(
     slope: impl Fn(usize, &mut [f64], f64) + Send + Sync + 'static,
 ) -> Result<Tensor> {
     let (x, width) = (x.contiguous()?, width.max(1));
-    let numbers = wide(&x)?;
-    let rows = numbers.chunks_exact(width).enumerate();
-    let values = rows.map(|(at, row)| value(at, row));
-    let backward = move |x: &Tensor, gradient: &Tensor| {
-        let mut slopes = wide(x)?;
-        let rows = slopes.chunks_exact_mut(width).enumerate();
-        for ((at, row), g) in rows.zip(wide(gradient)?) {
-            slope(at, row, g);
-        }
-        let slopes = Tensor::from_vec(slopes, x.shape(), x.device())?;
-        slopes.to_dtype(x.dtype()).map(Some)
-    };
     for_element!(x, T => {
-        let values = values.map(|value| value.map(T::from_f64));
-        let values: Vec<T> = values.collect::<Result<_>>()?;
-        differentiable([&x; 2], values, shape, backward)
+        let numbers = wide::<T>(&x)?;
+        let rows = numbers.chunks_exact(width).enumerate();
+        let values = rows.map(|(at, row)| value(at, row).map(T::from_f64));
+        let backward = move |x: &Tensor, gradient: &Tensor| {
+            let mut slopes = wide::<T>(x)?;
+            with_values(gradient, |gradient: &[T]| {
+                let rows = slopes.chunks_exact_mut(width).enumerate();
+                rows.zip(gradient).for_each(|((at, row), g)| slope(at, row, g.to_f64()));
+                Ok(())
+            })?;
+            let slopes: Vec<T> = slopes.into_iter().map(T::from_f64).collect();
+            Tensor::from_vec(slopes, x.shape(), x.device()).map(Some)
+        };
+        differentiable([&x; 2], values.collect::<Result<_>>()?, shape, backward)
     })
 }
 
 /// A tensor's numbers in f64.
-fn wide(x: &Tensor) -> Result<Vec<f64>> {
-    for_element!(x, T => with_values::<T, _>(x, |x| Ok(x.iter().map(|x| x.to_f64()).collect())))
+fn wide<T: WithDType>(x: &Tensor) -> Result<Vec<f64>> {
+    with_values(x, |x: &[T]| Ok(x.iter().map(|x| x.to_f64()).collect()))
 }

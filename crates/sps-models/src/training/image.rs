@@ -1,7 +1,7 @@
 use rand::Rng;
 
 use super::Augmentation;
-use crate::error::{Error, Result};
+use crate::error::{Result, require};
 
 /// An image to train on, or a sequence of frames where the encoder
 /// [takes those](crate::encoders::EncoderKind::takes_sequences): f32 in 0..=1, display-referred RGB,
@@ -22,13 +22,7 @@ impl Image {
     ///
     /// When there are not as many values as the size asks for.
     pub fn new(height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
-        Self {
-            frames: None,
-            height,
-            width,
-            pixels,
-        }
-        .checked()
+        Self::of(None, height, width, pixels)
     }
 
     /// A sequence of `(frames, height, width, 3)` values.
@@ -37,27 +31,22 @@ impl Image {
     ///
     /// When there are not as many values as the size asks for.
     pub fn sequence(frames: usize, height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
-        Self {
-            frames: Some(frames),
+        Self::of(Some(frames), height, width, pixels)
+    }
+
+    fn of(frames: Option<usize>, height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
+        let image = Self {
+            frames,
             height,
             width,
             pixels,
-        }
-        .checked()
-    }
-
-    fn checked(self) -> Result<Self> {
-        let found = self.pixels.len();
-        let shape = self.shape();
+        };
+        let shape = image.shape();
         let wanted = shape.iter().fold(1_usize, |all, &n| all.saturating_mul(n));
-        if found != wanted || wanted == 0 {
-            return Err(Error::input(
-                "image",
-                format_args!("{found} values of {shape:?}"),
-                format_args!("{wanted}, at least 3"),
-            ));
-        }
-        Ok(self)
+        let found = format_args!("{} values of {shape:?}", image.pixels.len());
+        let filled = image.pixels.len() == wanted && wanted > 0;
+        require(filled, "image", found, format_args!("{wanted}, at least 3"))?;
+        Ok(image)
     }
 
     /// `([frames,] height, width, 3)`

@@ -127,11 +127,7 @@ impl Weights {
         Self::from_raw(origin, raw.collect::<Result<Vec<_>, WeightsError>>()?)
     }
 
-    /// Takes tensors by name, as `origin` (a file, a seed) has them.
-    ///
-    /// # Errors
-    ///
-    /// When a value is not finite.
+    /// Takes tensors by name, as `origin` (a file, a seed) has them; refuses a value that is not finite.
     pub(crate) fn from_raw(
         origin: &str,
         tensors: impl IntoIterator<Item = (String, RawTensor)>,

@@ -11,7 +11,7 @@ use crate::{RawTensor, Storage, WeightsErrorKind};
 
 /// Every tensor of the file, its elements as f32.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
-    let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
+    let file = SafeTensors::deserialize(bytes).map_err(|error| not_safetensors(&error))?;
     let tensor = |(name, view): (String, TensorView<'_>)| {
         let shape = view.shape().to_vec();
         let all = 0..shape.iter().product();
@@ -81,13 +81,13 @@ impl View for Stored {
 ///
 /// When it is no safetensors file or has no note of this name.
 pub fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| not_safetensors(&error))?;
     let note = header.metadata().as_ref().and_then(|all| all.get(name));
     let missing = || WeightsErrorKind::Format(format!("no {name:?} in the metadata"));
     note.cloned().ok_or_else(missing)
 }
 
-fn not_safetensors(error: SafeTensorError) -> WeightsErrorKind {
+fn not_safetensors(error: &SafeTensorError) -> WeightsErrorKind {
     WeightsErrorKind::Format(format!("not a safetensors file: {error}"))
 }
 

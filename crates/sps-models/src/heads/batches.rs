@@ -72,7 +72,6 @@ impl<'a> Batches<'a> {
         let inputs = input.slots() * width;
         let mut visual = Vec::with_capacity(trials * rows * inputs);
         let mut tactile = Vec::with_capacity(trials * rows);
-        let mut measured = Vec::with_capacity(trials * rows);
         let mut labels = Vec::with_capacity(trials * rows);
         for ((job, order), rng) in self.jobs.iter().zip(&self.orders).zip(&mut self.views) {
             for &at in &order[start..end] {
@@ -87,44 +86,22 @@ impl<'a> Batches<'a> {
                 };
                 let (seen, surface) = (&job.statistics, job.training.surfaces[at]);
                 seen.push_seen(input, embeddings, surface, views, &mut visual);
-                tactile.push(job.training.tactile[at].unwrap_or(0.0));
-                measured.push(job.training.tactile[at].is_some());
+                tactile.push(job.training.tactile[at]);
                 labels.push(job.labels.as_ref().and_then(|labels| labels.of[at]));
             }
         }
-        let labelled: Vec<bool> = labels.iter().map(Option::is_some).collect();
         self.step += 1;
-        let counts = rows_that_count(&measured, rows);
-        let weight = mean_weights(&measured, &counts);
-        let label_weight = mean_weights(&labelled, &rows_that_count(&labelled, rows));
-        let cpu = &Device::Cpu;
-        let batch = Batch {
-            visual: Tensor::from_vec(visual, (trials, rows, inputs), cpu)?,
-            width,
-            tactile: Tensor::from_vec(tactile, (trials, rows, 1), cpu)?,
-            weight: Tensor::from_vec(weight, (trials, rows), cpu)?,
-            labels,
-            label_weight: Tensor::from_vec(label_weight, (trials, rows), cpu)?,
-        };
+        let counts = rows_that_count(&tactile, rows);
+        let labelled = rows_that_count(&labels, rows);
+        let visual = Tensor::from_vec(visual, (trials, rows, inputs), &Device::Cpu)?;
+        let batch = Batch::new(visual, width, (&tactile, &counts), (labels, &labelled))?;
         Ok((batch, counts))
     }
 }
 
-/// For each trial, how many of its rows count.
-pub(super) fn rows_that_count(counts: &[bool], rows: usize) -> Vec<f64> {
-    let trials = counts.chunks(rows.max(1));
-    let number = |trial: &[bool]| trial.iter().filter(|&&counts| counts).count() as f64;
+/// For each trial, how many of its rows there is something of.
+pub(super) fn rows_that_count<T>(values: &[Option<T>], rows: usize) -> Vec<f64> {
+    let trials = values.chunks(rows.max(1));
+    let number = |trial: &[Option<T>]| trial.iter().flatten().count() as f64;
     trials.map(number).collect()
-}
-
-/// For each trial, one over its number in each of the rows that count, and zero in the others.
-pub(super) fn mean_weights(counts: &[bool], numbers: &[f64]) -> Vec<f32> {
-    let rows = counts.len() / numbers.len().max(1);
-    let trials = counts.chunks(rows.max(1)).zip(numbers);
-    let weights = trials.flat_map(|(trial, &number)| {
-        let weight = 1.0 / number.max(1.0) as f32;
-        let of = move |&counts: &bool| if counts { weight } else { 0.0 };
-        trial.iter().map(of)
-    });
-    weights.collect()
 }

@@ -9,7 +9,7 @@ use rand::seq::index;
 use sps_base::streams::named_stream;
 use sps_regress::{Plan, Rerun, TrainingData, Views, check_indices};
 
-use super::batches::{mean_weights, rows_that_count};
+use super::batches::rows_that_count;
 use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
@@ -222,7 +222,6 @@ impl JointHeads {
     }
 
     fn batch(&self, visual: Tensor, Share { surfaces, of }: Share<'_>) -> Result<Batch> {
-        let (trials, rows) = (self.tactile.len(), surfaces.len());
         let readings = |surfaces: &[usize]| -> Vec<Option<f32>> {
             let of = |tactile: &Vec<Option<f32>>| surfaces.iter().map(|&s| tactile[s]).collect();
             self.tactile.iter().flat_map::<Vec<_>, _>(of).collect()
@@ -230,27 +229,14 @@ impl JointHeads {
         let labels = |surfaces: &[usize]| -> Vec<Option<u32>> {
             let label = |s: &usize| self.labels.get(s).copied().flatten();
             let labels: Vec<_> = surfaces.iter().map(label).collect();
-            labels.repeat(trials)
+            labels.repeat(self.tactile.len())
         };
-        let weight = |own: Vec<bool>, all: Vec<bool>| {
-            let weights = mean_weights(&own, &rows_that_count(&all, of.len()));
-            Tensor::from_vec(weights, (trials, rows), &Device::Cpu)
-        };
-        let tactile = readings(surfaces);
-        let tactile: Vec<f32> = tactile.iter().map(|t| t.unwrap_or(0.0)).collect();
-        Ok(Batch {
-            visual,
-            width: self.dims.width,
-            tactile: Tensor::from_vec(tactile, (trials, rows, 1), &Device::Cpu)?,
-            weight: weight(there(&readings(surfaces)), there(&readings(of)))?,
-            label_weight: weight(there(&labels(surfaces)), there(&labels(of)))?,
-            labels: labels(surfaces),
-        })
+        let measured = rows_that_count(&readings(of), of.len());
+        let labelled = rows_that_count(&labels(of), of.len());
+        let (tactile, labels) = (readings(surfaces), labels(surfaces));
+        let (tactile, labels) = ((&tactile[..], &measured[..]), (labels, &labelled[..]));
+        Ok(Batch::new(visual, self.dims.width, tactile, labels)?)
     }
-}
-
-fn there<T>(values: &[Option<T>]) -> Vec<bool> {
-    values.iter().map(Option::is_some).collect()
 }
 
 /// The properties that any of these surfaces has a reading of.

@@ -5,7 +5,7 @@
 
 use std::iter;
 
-use candle_core::{Result, Tensor};
+use candle_core::{Device, Result, Tensor};
 
 use super::config::{GeneratorLoss, Model};
 use super::network::{CrossModalNetwork, Network};
@@ -26,6 +26,40 @@ pub(super) struct Batch {
     pub(super) labels: Vec<Option<u32>>,
     /// `(trials, rows)`, over the rows that have a class.
     pub(super) label_weight: Tensor,
+}
+
+impl Batch {
+    /// Of readings and classes, by trial and row, each with how many of a trial its mean is over.
+    pub(super) fn new(
+        visual: Tensor,
+        width: usize,
+        (tactile, measured): (&[Option<f32>], &[f64]),
+        (labels, labelled): (Vec<Option<u32>>, &[f64]),
+    ) -> Result<Self> {
+        let (trials, rows, _) = visual.dims3()?;
+        let readings = tactile.iter().map(|reading| reading.unwrap_or(0.0));
+        let readings: Vec<f32> = readings.collect();
+        Ok(Self {
+            visual,
+            width,
+            tactile: Tensor::from_vec(readings, (trials, rows, 1), &Device::Cpu)?,
+            weight: mean_weights(tactile, measured)?,
+            label_weight: mean_weights(&labels, labelled)?,
+            labels,
+        })
+    }
+}
+
+/// `(trials, rows)`: one over the trial's number in each row there is something of, and zero in the others.
+fn mean_weights<T>(values: &[Option<T>], numbers: &[f64]) -> Result<Tensor> {
+    let (trials, rows) = (numbers.len(), values.len() / numbers.len().max(1));
+    let mut weights = Vec::with_capacity(values.len());
+    for (trial, number) in values.chunks(rows.max(1)).zip(numbers) {
+        let weight = 1.0 / number.max(1.0) as f32;
+        let of = |value: &Option<T>| value.as_ref().map_or(0.0, |_| weight);
+        weights.extend(trial.iter().map(of));
+    }
+    Tensor::from_vec(weights, (trials, rows), &Device::Cpu)
 }
 
 /// The losses that there are, each of each trial, `(trials)`, before its weight.

@@ -223,15 +223,19 @@ impl CrossModalNetwork {
         Ok(Self {
             visual: Vision::new(fill, input, dims, latent)?,
             generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
-            tactile: (model.encodes_touch())
-                .then(|| TwoLayers::new(fill, "tactile", [1, hidden, latent]))
-                .transpose()?,
-            discriminator: (model.adversarial.as_ref())
-                .map(|game| Discriminator::new(fill, dims.width, game.hidden))
-                .transpose()?,
-            classifier: (model.classification.as_ref())
-                .map(|_| Linear::new(fill, "classifier", latent, dims.classes))
-                .transpose()?,
+            tactile: if model.encodes_touch() {
+                Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
+            } else {
+                None
+            },
+            discriminator: match &model.adversarial {
+                Some(game) => Some(Discriminator::new(fill, dims.width, game.hidden)?),
+                None => None,
+            },
+            classifier: match &model.classification {
+                Some(_) => Some(Linear::new(fill, "classifier", latent, dims.classes)?),
+                None => None,
+            },
         })
     }
 

@@ -59,7 +59,7 @@ impl Targets {
         let views = self.views();
         let whole = features.unwrap_or(0);
         let expected = format_args!("a multiple of {views}, the views of a surface");
-        require(whole % views == 0, "features", whole, expected)?;
+        require(whole.is_multiple_of(views), "features", whole, expected)?;
         let features = features.map(|images| images / views);
         let start = self.start.as_ref().map(Embeddings::surfaces);
         let materials = self.materials.as_ref().map(Vec::len);

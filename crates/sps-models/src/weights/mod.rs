@@ -237,7 +237,11 @@ impl sps_kernels::Tensors for Weights {
     fn with(&self, name: &str, work: &mut dyn FnMut(&[f32])) -> sps_kernels::Result<()> {
         let failed = sps_kernels::Error::Tensor;
         let found = self.get(name).map_err(|error| failed(error.into()))?;
-        with_values(found, |values| Ok(work(values))).map_err(|error| failed(error.into()))
+        let values = |values: &[f32]| {
+            work(values);
+            Ok(())
+        };
+        with_values(found, values).map_err(|error| failed(error.into()))
     }
 }
 

@@ -74,22 +74,12 @@ fn parts_have_the_gradient_of_the_whole_step() {
 fn parts_are_resumed_and_shared_among_threads_to_the_same_bits() {
     let stripes = Stripes::new(30);
     let config = || in_parts(config(), Some(3));
-    let train = |threads, stopped: bool| {
-        on_threads(threads, || {
-            let (targets, parts) = (stripes.targets(), stripes.parts());
-            let start = start().with_depths(&Depths::All).unwrap();
-            let mut trainer = Trainer::new(&start, targets, parts, config(), 5).unwrap();
-            epochs(&mut trainer, &stripes, 1);
-            if stopped {
-                trainer = stripes.resumed(&trainer.to_bytes().unwrap(), config());
-            }
-            epochs(&mut trainer, &stripes, 1);
-            let state = trainer.to_bytes().unwrap();
-            assert_eq!(trainer.into_encoder().unwrap().depths(), &Depths::All);
-            state
-        })
+    let start = start().with_depths(&Depths::All).unwrap();
+    let new = || stripes.trainer_from(&start, config());
+    let resume = |state: &[u8]| {
+        let resumed = stripes.resumed(state, config());
+        assert_eq!(resumed.encoder.depths(), &Depths::All);
+        resumed
     };
-    let once = train(1, false);
-    assert!(once == train(3, false));
-    assert!(once == train(2, true));
+    ends_alike(&stripes, new, resume);
 }

@@ -311,24 +311,12 @@ fn an_encoder_learns_through_heads() {
 fn a_training_through_heads_that_was_stopped_ends_with_the_same_bits_on_any_threads() {
     for input in inputs() {
         let pairs = Pairs::new(24);
-        let run = |stopped: bool, threads| {
-            on_threads(threads, || {
-                let mut trainer = pairs.trainer(through_heads(input.clone(), model()));
-                epochs(&mut trainer, &pairs, 1);
-                if stopped {
-                    let state = trainer.to_bytes().unwrap();
-                    let (targets, parts) = (pairs.targets(), pairs.0.parts());
-                    let config = through_heads(input.clone(), model());
-                    let resumed = Trainer::resume("a state", &state, targets, parts, config, 5);
-                    trainer = resumed.unwrap();
-                }
-                epochs(&mut trainer, &pairs, 1);
-                (trainer.to_bytes().unwrap(), bytes(trainer))
-            })
+        let config = || through_heads(input.clone(), model());
+        let resume = |state: &[u8]| {
+            let (targets, parts) = (pairs.targets(), pairs.0.parts());
+            Trainer::resume("a state", state, targets, parts, config(), 5).unwrap()
         };
-        let once = run(false, 1);
-        assert!(once == run(true, 1), "{input:?}");
-        assert!(once == run(true, 3), "{input:?}");
+        ends_alike(&pairs, || pairs.trainer(config()), resume);
     }
 }
 

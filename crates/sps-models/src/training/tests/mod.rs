@@ -126,7 +126,9 @@ fn to_the_end(trainer: &mut Trainer, source: &dyn ImageSource) {
 }
 
 fn bytes(trainer: Trainer) -> Vec<u8> {
+    let depths = trainer.encoder.depths().clone();
     let encoder = trainer.into_encoder().unwrap();
+    assert_eq!(encoder.depths(), &depths);
     encoder.weights().to_bytes().unwrap()
 }
 
@@ -141,20 +143,35 @@ fn an_encoder_learns_what_its_images_show() {
     assert!(validation.accuracy > 0.9, "{validation:?}");
 }
 
-#[test]
-fn a_training_that_was_stopped_ends_with_the_same_bits() {
-    let stripes = Stripes::new(40);
-    let run = |stopped: bool| {
-        let mut trainer = stripes.trainer(config());
-        epochs(&mut trainer, &stripes, 1);
-        if stopped {
-            trainer = stripes.resumed(&trainer.to_bytes().unwrap(), config());
-        }
-        epochs(&mut trainer, &stripes, 2);
-        let (history, state) = (trainer.history().to_vec(), trainer.to_bytes().unwrap());
-        (history, state, bytes(trainer))
+/// A training of two epochs ends with the same bits on three threads, and where it was stopped after the first
+/// and goes on by `resume` from its state on two.
+fn ends_alike(
+    source: &dyn ImageSource,
+    new: impl Fn() -> Trainer + Sync,
+    resume: impl Fn(&[u8]) -> Trainer + Sync,
+) {
+    let run = |threads, stopped: bool| {
+        on_threads(threads, || {
+            let mut trainer = new();
+            epochs(&mut trainer, source, 1);
+            if stopped {
+                trainer = resume(&trainer.to_bytes().unwrap());
+            }
+            epochs(&mut trainer, source, 1);
+            let (history, state) = (trainer.history().to_vec(), trainer.to_bytes().unwrap());
+            (history, state, bytes(trainer))
+        })
     };
-    assert!(run(false) == run(true));
+    let once = run(1, false);
+    assert!(once == run(3, false));
+    assert!(once == run(2, true));
+}
+
+#[test]
+fn a_training_that_was_stopped_ends_with_the_same_bits_on_any_threads() {
+    let stripes = Stripes::new(40);
+    let resume = |state: &[u8]| stripes.resumed(state, config());
+    ends_alike(&stripes, || stripes.trainer(config()), resume);
 }
 
 #[test]

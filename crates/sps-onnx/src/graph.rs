@@ -26,7 +26,7 @@ impl Graph {
         limits::check(bytes).map_err(ErrorKind::Network)?;
         contained(|| {
             let model = ModelOptions::with_all_ops().load(bytes.to_vec());
-            let model = model.map_err(failed)?;
+            let model = model.map_err(|error| ErrorKind::Network(error.to_string()))?;
             let (input, size) = input(&model)?;
             Ok(Self {
                 input,
@@ -54,25 +54,27 @@ impl Graph {
         size: usize,
         image: impl Fn(usize) -> Vec<f32> + Sync,
     ) -> Result<Vec<Vec<Vec<f32>>>, ErrorKind> {
-        let images = (0..images).into_par_iter();
-        let run = images.map(|at| self.run(image(at), size));
-        contained(|| self.pool.run(|| run.collect()))
+        let each = || {
+            let images = (0..images).into_par_iter();
+            let run = images.map(|at| self.run(image(at), size));
+            run.collect()
+        };
+        contained(|| self.pool.run(each))
     }
 
     fn run(&self, image: Vec<f32>, size: usize) -> Result<Vec<Vec<f32>>, ErrorKind> {
-        let image = Value::from_shape([1, 3, size, size], image).map_err(failed)?;
+        let failed = |error: &dyn std::error::Error| ErrorKind::Network(error.to_string());
+        let image = Value::from_shape([1, 3, size, size], image).map_err(|error| failed(&error))?;
         let ids: Vec<NodeId> = self.outputs.iter().map(|(_, id)| *id).collect();
         let options = RunOptions::default().with_thread_pool(Some(Arc::clone(&self.pool)));
         let inputs = vec![(self.input, image.into())];
         let values = self.model.run(inputs, &ids, Some(options));
-        let named = self.outputs.iter().zip(values.map_err(failed)?);
-        let pooled = named.map(|((name, _), value)| pooled(name, value));
-        pooled.collect()
+        let values = values.map_err(|error| failed(&error))?.into_iter();
+        let named = self.outputs.iter().zip(values);
+        named
+            .map(|((name, _), value)| pooled(name, value))
+            .collect()
     }
-}
-
-fn failed(error: impl ToString) -> ErrorKind {
-    ErrorKind::Network(error.to_string())
 }
 
 /// The input of images, with their height and width where the file has them fixed.
@@ -104,14 +106,20 @@ fn chosen(model: &Model, names: &[String]) -> Result<Vec<(String, NodeId)>, Erro
         (name.unwrap_or_default().to_owned(), *id)
     };
     let all: Vec<(String, NodeId)> = model.output_ids().iter().map(named).collect();
-    if names.is_empty() {
-        return Ok(all);
-    }
     let mut chosen: Vec<(String, NodeId)> = Vec::new();
-    for name in names {
-        match all.iter().find(|(other, _)| other == name) {
-            Some(output) if !chosen.contains(output) => chosen.push(output.clone()),
-            _ => {
+    let wanted = names.iter().map(|name| {
+        let found = all.iter().find(|(other, _)| other == name);
+        found.ok_or(name)
+    });
+    let wanted: Vec<_> = if names.is_empty() {
+        all.iter().map(Ok).collect()
+    } else {
+        wanted.collect()
+    };
+    for output in wanted {
+        match output {
+            Ok(output) if !chosen.contains(output) => chosen.push(output.clone()),
+            Ok((name, _)) | Err(name) => {
                 let all: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
                 let expected = format!("each once of {}", all.join(", "));
                 return Err(ErrorKind::input("outputs", format!("`{name}`"), expected));

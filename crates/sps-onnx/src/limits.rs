@@ -57,13 +57,18 @@ pub(crate) fn check(bytes: &[u8]) -> Result<(), String> {
     if walk.nodes.is_empty() {
         return Err("not an ONNX file: found no operator".to_owned());
     }
-    for node in &walk.nodes {
+    for node in walk
+        .nodes
+        .iter()
+        .filter(|node| !NOT_ENLARGING.contains(&node.name))
+    {
         let large = node.inputs.iter().filter_map(|input| walk.large.get(input));
         let largest = large.fold(node.largest, |largest, number| largest.max(*number));
-        if largest > LARGEST && !NOT_ENLARGING.contains(&node.name) {
+        if largest > LARGEST {
             let operator = String::from_utf8_lossy(node.name);
-            let found = format!("found the number {largest}, expected at most {LARGEST}");
-            return Err(format!("{operator}: {found}"));
+            return Err(format!(
+                "{operator}: found the number {largest}, expected at most {LARGEST}"
+            ));
         }
     }
     Ok(())
@@ -165,9 +170,10 @@ impl<'a> Part<'a> {
             (Message::Tensor, 2) => self.kind = field.value.unwrap_or(0),
             (Message::Tensor, 9) => self.raw = content,
             (Message::Tensor, 14) if field.value == Some(1) => {
-                let found = "found weights that lie in another file";
                 let expected = "expected them in it: export with `external_data=False`";
-                return Err(format!("{found}, {expected}"));
+                return Err(format!(
+                    "found weights that lie in another file, {expected}"
+                ));
             }
             (Message::Tensor, 8) | (Message::Node, 4) => self.name = content,
             (Message::Node, 1) => self.inputs.push(content),
@@ -188,16 +194,16 @@ impl<'a> Part<'a> {
     fn add_raw(&mut self) {
         let raw = self.raw;
         match self.kind {
-            6 => {
-                for bytes in raw.as_chunks().0 {
-                    self.add(i32::from_le_bytes(*bytes).into());
-                }
-            }
-            7 => {
-                for bytes in raw.as_chunks().0 {
-                    self.add(i64::from_le_bytes(*bytes));
-                }
-            }
+            6 => raw
+                .as_chunks()
+                .0
+                .iter()
+                .for_each(|b| self.add(i32::from_le_bytes(*b).into())),
+            7 => raw
+                .as_chunks()
+                .0
+                .iter()
+                .for_each(|b| self.add(i64::from_le_bytes(*b))),
             _ => {}
         }
     }

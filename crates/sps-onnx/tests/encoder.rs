@@ -66,20 +66,29 @@ fn settings_and_images_that_do_not_fit_are_refused() {
         let message = with(settings).unwrap_err();
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     };
-    let changed = |change: &dyn Fn(&mut Settings)| {
-        let mut settings = Settings::default();
-        change(&mut settings);
-        settings
-    };
-    let once = "each once of pooled, tokens, map";
+    let default = Settings::default();
     for outputs in [vec!["tokns".to_owned()], vec!["map".to_owned(); 2]] {
-        let settings = changed(&|s| s.outputs.clone_from(&outputs));
-        said(settings, &["tiny.onnx: outputs: found `", once]);
+        let parts = [
+            "tiny.onnx: outputs: found `",
+            "each once of pooled, tokens, map",
+        ];
+        let settings = Settings {
+            outputs,
+            ..default.clone()
+        };
+        said(settings, &parts);
     }
-    let size = "size: found 17, expected the file's, 16";
-    said(changed(&|s| s.size = Some(17)), &[size]);
-    said(changed(&|s| s.std = [0.0; 3]), &["mean and std", "above 0"]);
-    let encoder = with(Settings::default()).unwrap();
+    let settings = Settings {
+        size: Some(17),
+        ..default.clone()
+    };
+    said(settings, &["size: found 17, expected the file's, 16"]);
+    let settings = Settings {
+        std: [0.0; 3],
+        ..default.clone()
+    };
+    said(settings, &["mean and std", "above 0"]);
+    let encoder = with(default).unwrap();
     for size in [[15, 64], [20, 17]] {
         let error = encoder.embed(&[&image()], size).unwrap_err().to_string();
         assert!(error.contains("sides of at least 16"), "{error}");

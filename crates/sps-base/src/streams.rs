@@ -83,19 +83,6 @@ pub fn below(stream: &mut impl RngCore, bound: u64) -> u64 {
     (product >> 64) as u64
 }
 
-/// As [`below`], from 32 bits at a time: other draws of the same stream, at half the cost.
-#[inline]
-pub fn below_u32(stream: &mut impl RngCore, bound: u32) -> u32 {
-    let mut product = u64::from(stream.next_u32()) * u64::from(bound);
-    if (product as u32) < bound {
-        let threshold = bound.wrapping_neg() % bound;
-        while (product as u32) < threshold {
-            product = u64::from(stream.next_u32()) * u64::from(bound);
-        }
-    }
-    (product >> 32) as u32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

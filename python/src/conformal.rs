@@ -53,7 +53,7 @@ impl SplitConformal {
     /// Half the width of every interval, in the unit of the truth.
     #[getter]
     fn radius(&self) -> f64 {
-        self.0.radius()
+        self.0.radius
     }
 
     /// The coverage to expect: at least the level, and above it by less than 1 / (samples + 1).
@@ -64,12 +64,12 @@ impl SplitConformal {
 
     /// The intervals around estimates of shape (n,): (n, 2), low and high.
     fn intervals<'py>(&self, py: Python<'py>, estimates: Numbers) -> Bound<'py, PyArray2<f64>> {
-        intervals(py, &estimates, |estimate| self.0.interval(estimate))
+        intervals(py, &estimates, self.0.radius)
     }
 
     fn __repr__(&self) -> String {
-        let (radius, level) = (self.0.radius(), self.0.level().get());
-        let samples = self.0.calibration_samples();
+        let (radius, level) = (self.0.radius, self.0.level.get());
+        let samples = self.0.samples;
         format!("SplitConformal(radius={radius:?}, level={level:?}, samples={samples})")
     }
 }
@@ -86,23 +86,23 @@ impl GroupConformal {
     /// Half the width of every interval, in the unit of the truth.
     #[getter]
     fn radius(&self) -> f64 {
-        self.0.radius()
+        self.0.radius
     }
 
     /// Groups that it was calibrated on.
     #[getter]
     fn groups(&self) -> usize {
-        self.0.groups()
+        self.0.groups
     }
 
     /// The intervals around estimates of shape (n,): (n, 2), low and high.
     fn intervals<'py>(&self, py: Python<'py>, estimates: Numbers) -> Bound<'py, PyArray2<f64>> {
-        intervals(py, &estimates, |estimate| self.0.interval(estimate))
+        intervals(py, &estimates, self.0.radius)
     }
 
     fn __repr__(&self) -> String {
-        let (radius, level) = (self.0.radius(), self.0.level().get());
-        let groups = self.0.groups();
+        let (radius, level) = (self.0.radius, self.0.level.get());
+        let groups = self.0.groups;
         format!("GroupConformal(radius={radius:?}, level={level:?}, groups={groups})")
     }
 }
@@ -148,13 +148,9 @@ pub(crate) fn coverage(
     }))
 }
 
-fn intervals<'py>(
-    py: Python<'py>,
-    estimates: &Numbers,
-    around: impl Fn(f64) -> PredictionInterval,
-) -> Bound<'py, PyArray2<f64>> {
+fn intervals<'py>(py: Python<'py>, estimates: &Numbers, radius: f64) -> Bound<'py, PyArray2<f64>> {
     let of = |&estimate: &f64| {
-        let PredictionInterval { low, high } = around(estimate);
+        let PredictionInterval { low, high } = PredictionInterval::around(estimate, radius);
         [low, high]
     };
     let ends: Vec<[f64; 2]> = estimates.0.iter().map(of).collect();

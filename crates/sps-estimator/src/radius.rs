@@ -12,7 +12,6 @@ const MOST_PHOTOGRAPHS: usize = 100;
 /// material.
 ///
 /// # Errors
-///
 /// Too few surfaces or groups for the level, a residual that is not finite, a surface of no unit.
 pub fn radius(
     units: &Units,
@@ -21,14 +20,11 @@ pub fn radius(
 ) -> Result<f64, ConformalError> {
     let (surfaces, residuals): (Vec<usize>, Vec<f64>) = residuals.iter().copied().unzip();
     match units.unit() {
-        Unit::Surface => Ok(SplitConformal::from_residuals(&residuals, level)?.radius()),
+        Unit::Surface => Ok(SplitConformal::from_residuals(&residuals, level)?.radius),
         Unit::Group | Unit::Material => {
-            let of_surface = units.of_surface();
-            let groups = surfaces.iter();
-            let groups: Vec<usize> = groups
-                .filter_map(|&surface| of_surface.get(surface).copied())
-                .collect();
-            Ok(GroupConformal::from_residuals(&residuals, &groups, level)?.radius())
+            let group = |&surface: &usize| units.of_surface().get(surface).copied();
+            let groups: Vec<usize> = surfaces.iter().filter_map(group).collect();
+            Ok(GroupConformal::from_residuals(&residuals, &groups, level)?.radius)
         }
     }
 }
@@ -43,21 +39,18 @@ pub(crate) fn level_of_each(level: Level, photographs: usize) -> f64 {
 /// long as there are enough units for the [`level_of_each`], at most a hundred.
 ///
 /// # Errors
-///
 /// As [`radius`], of one photograph.
 pub(crate) fn radii(
     units: &Units,
     residuals: &[(usize, f64)],
     level: Level,
 ) -> Result<Vec<f64>, ConformalError> {
-    let mut radii = vec![radius(units, residuals, level)?];
-    for photographs in 2..=MOST_PHOTOGRAPHS {
-        let of_each = Level::new(level_of_each(level, photographs));
-        let more = of_each.map(|of_each| radius(units, residuals, of_each));
-        let Ok(Ok(more)) = more else { break };
-        radii.push(more);
-    }
-    Ok(radii)
+    let one = radius(units, residuals, level)?;
+    let more = (2..=MOST_PHOTOGRAPHS).map_while(|photographs| {
+        let of_each = Level::new(level_of_each(level, photographs)).ok()?;
+        radius(units, residuals, of_each).ok()
+    });
+    Ok([one].into_iter().chain(more).collect())
 }
 
 #[cfg(test)]

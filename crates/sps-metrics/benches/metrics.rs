@@ -88,26 +88,14 @@ fn intervals(criterion: &mut Criterion) {
             truth: &truth,
             estimate: &rough,
         };
-        let scored = [Scored {
-            metric,
-            samples,
-            units: None,
-            rerun: 0,
-        }];
+        let scored = [Scored::new(metric, samples)];
         group.bench_function(metric.id(), |bencher| {
             bencher.iter(|| intervals.interval(black_box(&scored)));
         });
     }
     let [first, second] = [&rough, &fine].map(|estimate| {
-        [Scored {
-            metric: Metric::R2(mean),
-            samples: Samples {
-                truth: &truth,
-                estimate,
-            },
-            units: None,
-            rerun: 0,
-        }]
+        let truth = &truth;
+        [Scored::new(Metric::R2(mean), Samples { truth, estimate })]
     });
     group.bench_function("r2_difference", |bencher| {
         bencher.iter(|| intervals.difference(black_box(&first), black_box(&second)));

@@ -1,6 +1,4 @@
-//! How often intervals at 95 % hold the true value, where units and reruns are both drawn at random:
-//! those of this crate, and of a bootstrap of units alone and of units and reruns ("The pigeonhole
-//! bootstrap", Owen, Annals of Applied Statistics 1, 2007).
+//! How often intervals at 95 % hold the true value, where units and reruns are both drawn at random.
 //!
 //! `cargo run --release -p sps-metrics --example coverage`
 
@@ -9,13 +7,9 @@ use sps_metrics::{IntervalError, Intervals, Level, Metric, Samples, Scored, Trai
 /// Simulated experiments of each row.
 const TRIALS: usize = 2000;
 
-/// Resamples of a bootstrap; none for so many units, where it takes too long.
-const RESAMPLES: usize = 200;
-const MOST_RESAMPLED: usize = 200;
-
 fn main() -> Result<(), IntervalError> {
     println!("R² about the training mean; 95 % intervals, % of {TRIALS} that hold the true value");
-    println!("tails   units  reruns  by reruns  this crate  models alone  bootstrap  pigeonhole");
+    println!("tails   units  reruns  by reruns  this crate  models alone");
     for heavy in [false, true] {
         for units in [8, 20, 200, 2000] {
             for reruns in [3, 5, 10] {
@@ -87,33 +81,20 @@ impl Design {
 
 fn crossed(design: &Design) -> Result<(), IntervalError> {
     let mut random = Random(1);
-    let mut held = [0; 4];
+    let mut held = [0; 2];
     let known = design.truth();
-    let resampled = design.units <= MOST_RESAMPLED;
     for _ in 0..TRIALS {
         let (truth, estimates) = design.draw(&mut random);
-        let means = vec![0.0; design.reruns];
-        let scored = scored(&truth, &estimates, &means);
-        let mut ends = vec![
+        let scored = scored(&truth, &estimates);
+        let ends = [
             ends(Intervals::of_training(Level::P95), &scored)?,
             ends(Intervals::of_models(Level::P95), &scored)?,
         ];
-        if resampled {
-            ends.extend(bootstraps(&truth, &estimates, &mut random));
-        }
         for (held, [low, high]) in held.iter_mut().zip(ends) {
             *held += usize::from(low <= known && known <= high);
         }
     }
-    let share = |at: usize| {
-        let drawn = at < 2 || resampled;
-        if drawn {
-            percent(held[at])
-        } else {
-            "–".into()
-        }
-    };
-    let [here, alone, by_units, by_both] = [0, 1, 2, 3].map(share);
+    let [here, alone] = held.map(percent);
     let Design {
         heavy,
         units,
@@ -121,8 +102,7 @@ fn crossed(design: &Design) -> Result<(), IntervalError> {
         by_rerun,
     } = design;
     let tails = if *heavy { "heavy" } else { "normal" };
-    print!("{tails:6}  {units:5}  {reruns:6}  {by_rerun:9}  ");
-    println!("{here:>10}  {alone:>12}  {by_units:>9}  {by_both:>10}");
+    println!("{tails:6}  {units:5}  {reruns:6}  {by_rerun:9}  {here:>10}  {alone:>12}");
     Ok(())
 }
 
@@ -135,41 +115,19 @@ fn ends(intervals: Intervals, scored: &[Scored<'_>]) -> Result<[f64; 2], Interva
     Ok([found.low, found.high])
 }
 
-/// R² of each rerun about a mean of its own.
-fn scored<'a>(truth: &'a [f64], estimates: &'a [Vec<f64>], means: &[f64]) -> Vec<Scored<'a>> {
-    let reruns = estimates.iter().zip(means).enumerate();
-    let scored = reruns.filter_map(|(rerun, (estimate, mean))| {
-        Some(Scored {
-            metric: Metric::R2(TrainingMean::new(*mean).ok()?),
-            samples: Samples { truth, estimate },
-            units: None,
-            rerun,
-        })
-    });
+/// R² of each rerun about 0.
+fn scored<'a>(truth: &'a [f64], estimates: &'a [Vec<f64>]) -> Vec<Scored<'a>> {
+    let scored = estimates
+        .iter()
+        .enumerate()
+        .filter_map(|(rerun, estimate)| {
+            let metric = Metric::R2(TrainingMean::new(0.0).ok()?);
+            Some(Scored {
+                rerun,
+                ..Scored::new(metric, Samples { truth, estimate })
+            })
+        });
     scored.collect()
-}
-
-/// Percentile intervals over units, and over units and reruns.
-fn bootstraps(truth: &[f64], estimates: &[Vec<f64>], random: &mut Random) -> [[f64; 2]; 2] {
-    let (mut units, mut both) = (Vec::new(), Vec::new());
-    for _ in 0..RESAMPLES {
-        let drawn: Vec<usize> = truth.iter().map(|_| random.below(truth.len())).collect();
-        let squares: f64 = drawn.iter().map(|&at| truth[at].powi(2)).sum();
-        let r2 = |estimate: &Vec<f64>| {
-            let errors = drawn.iter().map(|&at| (truth[at] - estimate[at]).powi(2));
-            1.0 - errors.sum::<f64>() / squares
-        };
-        let scores: Vec<f64> = estimates.iter().map(r2).collect();
-        let count = scores.len() as f64;
-        units.push(scores.iter().sum::<f64>() / count);
-        let reruns = scores.iter().map(|_| scores[random.below(scores.len())]);
-        both.push(reruns.sum::<f64>() / count);
-    }
-    [units, both].map(|mut scores| {
-        scores.sort_by(f64::total_cmp);
-        let tail = RESAMPLES / 40;
-        [scores[tail - 1], scores[RESAMPLES - tail]]
-    })
 }
 
 const FEATURES: usize = 20;
@@ -191,20 +149,17 @@ fn folds(units: usize, reruns: usize) -> Result<(), IntervalError> {
         for estimate in &mut estimates {
             let order = random.order(units);
             for fold in 0..FOLDS {
-                let held_out = |place: usize| place % FOLDS == fold;
-                let (test, training): (Vec<usize>, Vec<usize>) =
-                    (0..units).partition(|&place| held_out(place));
-                let training: Vec<usize> = training.iter().map(|&place| order[place]).collect();
+                let held_out = |&(place, _): &(usize, usize)| place % FOLDS == fold;
+                let places = order.iter().copied().enumerate();
+                let (test, training): (Vec<_>, Vec<_>) = places.partition(held_out);
                 let weights = ridge(&rows, &truth, &training);
                 known += true_r2(&weights);
-                for place in test {
-                    let at = order[place];
+                for (_, at) in test {
                     estimate[at] = rows[at].iter().zip(&weights).map(|(x, w)| x * w).sum();
                 }
             }
         }
-        let means = vec![0.0; reruns];
-        let scored = scored(&truth, &estimates, &means);
+        let scored = scored(&truth, &estimates);
         let share = 1.0 / (FOLDS - 1) as f64;
         found.push([
             ends(Intervals::of_training(Level::P95).sharing(share), &scored)?,
@@ -230,39 +185,20 @@ fn true_r2(weights: &[f64; FEATURES]) -> f64 {
     1.0 - (off.sum::<f64>() + 1.0) / 3.0
 }
 
-/// By conjugate gradients, which end after as many steps as there are weights.
-fn ridge(rows: &[[f64; FEATURES]], truth: &[f64], training: &[usize]) -> [f64; FEATURES] {
-    let add = |sums: &mut [f64; FEATURES], factor: f64, row: &[f64; FEATURES]| {
-        for (sum, x) in sums.iter_mut().zip(row) {
-            *sum += factor * x;
+/// By coordinate descent, to a few digits.
+fn ridge(rows: &[[f64; FEATURES]], truth: &[f64], training: &[(usize, usize)]) -> [f64; FEATURES] {
+    let mut weights = [0.0; FEATURES];
+    let mut rest: Vec<f64> = training.iter().map(|&(_, at)| truth[at]).collect();
+    for _ in 0..40 {
+        for (feature, weight) in weights.iter_mut().enumerate() {
+            let column = || training.iter().map(|&(_, at)| rows[at][feature]);
+            let squares: f64 = column().map(|x| x * x).sum();
+            let along: f64 = column().zip(&rest).map(|(x, rest)| x * rest).sum();
+            let step = (along - PENALTY * *weight) / (squares + PENALTY);
+            let left = rest.iter_mut().zip(column());
+            left.for_each(|(rest, x)| *rest -= step * x);
+            *weight += step;
         }
-    };
-    let product = |weights: &[f64; FEATURES]| {
-        let mut sums = weights.map(|weight| PENALTY * weight);
-        for &at in training {
-            let value: f64 = rows[at].iter().zip(weights).map(|(x, w)| x * w).sum();
-            add(&mut sums, value, &rows[at]);
-        }
-        sums
-    };
-    let dot = |a: &[f64; FEATURES], b: &[f64; FEATURES]| -> f64 {
-        a.iter().zip(b).map(|(a, b)| a * b).sum()
-    };
-    let (mut weights, mut rest) = ([0.0; FEATURES], [0.0; FEATURES]);
-    for &at in training {
-        add(&mut rest, truth[at], &rows[at]);
-    }
-    let mut direction = rest;
-    for _ in 0..FEATURES {
-        let image = product(&direction);
-        let before = dot(&rest, &rest);
-        let step = before / dot(&direction, &image).max(f64::MIN_POSITIVE);
-        for at in 0..FEATURES {
-            weights[at] += step * direction[at];
-            rest[at] -= step * image[at];
-        }
-        let turn = dot(&rest, &rest) / before.max(f64::MIN_POSITIVE);
-        direction = std::array::from_fn(|at| rest[at] + turn * direction[at]);
     }
     weights
 }
@@ -284,10 +220,6 @@ impl Random {
         ((self.next() >> 11) + 1) as f64 / (1_u64 << 53) as f64
     }
 
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-
     /// By Box and Muller.
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * self.uniform().ln()).sqrt();
@@ -297,7 +229,7 @@ impl Random {
     fn order(&mut self, count: usize) -> Vec<usize> {
         let mut order: Vec<usize> = (0..count).collect();
         for at in (1..count).rev() {
-            order.swap(at, self.below(at + 1));
+            order.swap(at, (self.next() % (at as u64 + 1)) as usize);
         }
         order
     }

@@ -62,7 +62,6 @@ impl ScoreAccumulator {
     /// As [`Samples::r2`](crate::Samples::r2); the reference is needed only here.
     ///
     /// # Errors
-    ///
     /// As [`Samples::r2`](crate::Samples::r2).
     pub fn r2(&self, mean: TrainingMean) -> Outcome {
         let samples = self.samples()?;
@@ -76,7 +75,6 @@ impl ScoreAccumulator {
     /// As [`Samples::r2_own_mean`](crate::Samples::r2_own_mean).
     ///
     /// # Errors
-    ///
     /// As [`Samples::r2_own_mean`](crate::Samples::r2_own_mean).
     pub fn r2_own_mean(&self) -> Outcome {
         let samples = self.samples()?;
@@ -93,7 +91,6 @@ impl ScoreAccumulator {
     /// As [`Samples::mae`](crate::Samples::mae).
     ///
     /// # Errors
-    ///
     /// As [`Samples::mae`](crate::Samples::mae).
     pub fn mae(&self) -> Outcome {
         let samples = self.samples()?;
@@ -104,7 +101,6 @@ impl ScoreAccumulator {
     /// As [`Samples::rmse`](crate::Samples::rmse).
     ///
     /// # Errors
-    ///
     /// As [`Samples::rmse`](crate::Samples::rmse).
     pub fn rmse(&self) -> Outcome {
         let samples = self.samples()?;
@@ -119,7 +115,6 @@ impl ScoreAccumulator {
     /// How many samples were pushed.
     ///
     /// # Errors
-    ///
     /// [`Undefined::Empty`], and [`Undefined::NonFinite`] where one is not finite.
     pub fn samples(&self) -> Result<usize, Undefined> {
         self.screen.samples()
@@ -133,16 +128,10 @@ impl ScoreAccumulator {
     }
 }
 
-impl Extend<Pair> for ScoreAccumulator {
-    fn extend<I: IntoIterator<Item = Pair>>(&mut self, pairs: I) {
-        pairs.into_iter().for_each(|pair| self.push(pair));
-    }
-}
-
 impl FromIterator<Pair> for ScoreAccumulator {
     fn from_iter<I: IntoIterator<Item = Pair>>(pairs: I) -> Self {
         let mut accumulator = Self::new();
-        accumulator.extend(pairs);
+        pairs.into_iter().for_each(|pair| accumulator.push(pair));
         accumulator
     }
 }

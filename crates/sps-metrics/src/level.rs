@@ -26,7 +26,6 @@ impl Level {
     /// A level, for example 0.9 for 90 %.
     ///
     /// # Errors
-    ///
     /// [`InvalidLevel`] unless 0 < `level` < 1.
     pub fn new(level: f64) -> Result<Self, InvalidLevel> {
         if level > 0.0 && level < 1.0 {

@@ -50,7 +50,6 @@ impl Moments {
     /// The arithmetic mean.
     ///
     /// # Errors
-    ///
     /// [`Undefined::Empty`], [`Undefined::NonFinite`], [`Undefined::OutOfRange`].
     pub fn mean(&self) -> Result<f64, Undefined> {
         self.screen.samples()?;
@@ -60,7 +59,6 @@ impl Moments {
     /// The variance with n - 1 in its denominator.
     ///
     /// # Errors
-    ///
     /// As [`mean`](Self::mean), and [`Undefined::TooFewSamples`] for one value.
     pub fn sample_variance(&self) -> Result<f64, Undefined> {
         let found = self.screen.samples()?;
@@ -77,23 +75,16 @@ impl Moments {
     /// The square root of [`sample_variance`](Self::sample_variance).
     ///
     /// # Errors
-    ///
     /// As [`sample_variance`](Self::sample_variance).
     pub fn sample_std(&self) -> Result<f64, Undefined> {
         self.sample_variance().map(f64::sqrt)
     }
 }
 
-impl Extend<f64> for Moments {
-    fn extend<I: IntoIterator<Item = f64>>(&mut self, values: I) {
-        values.into_iter().for_each(|value| self.push(value));
-    }
-}
-
 impl FromIterator<f64> for Moments {
     fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
         let mut moments = Self::new();
-        moments.extend(values);
+        values.into_iter().for_each(|value| moments.push(value));
         moments
     }
 }

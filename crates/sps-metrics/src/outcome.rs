@@ -5,7 +5,6 @@ pub type Outcome = Result<Score, Undefined>;
 
 /// A finite score and what it rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Score {
     /// In the unit of its metric: none for R² and Spearman, the truth's for MAE and RMSE, percent
     /// for the median percentage error. Always finite.
@@ -19,7 +18,6 @@ pub struct Score {
 
 /// Why a score has no value.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Undefined {
     /// There is nothing to score.
@@ -109,11 +107,6 @@ pub enum Undefined {
 
 /// What an input is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
 #[non_exhaustive]
 pub enum Quantity {
     /// A measured value.
@@ -132,11 +125,6 @@ pub enum Quantity {
 
 /// How a number fails to be finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
 pub enum NonFiniteKind {
     /// Not a number.
     Nan,
@@ -158,6 +146,21 @@ impl NonFiniteKind {
         } else {
             Some(Self::NegativeInfinity)
         }
+    }
+}
+
+impl Quantity {
+    /// The value, if it is finite: one of this kind, which stands alone.
+    pub(crate) fn finite(self, value: f64) -> Result<f64, Undefined> {
+        NonFiniteKind::of(value).map_or(Ok(value), |kind| {
+            Err(Undefined::NonFinite {
+                quantity: self,
+                index: 0,
+                kind,
+                count: 1,
+                of: 1,
+            })
+        })
     }
 }
 
@@ -186,9 +189,8 @@ impl std::fmt::Display for NonFiniteKind {
 
 /// The value if it is finite: sums that overflowed are caught here, once.
 pub(crate) fn in_range(value: f64) -> Result<f64, Undefined> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(Undefined::OutOfRange)
-    }
+    value
+        .is_finite()
+        .then_some(value)
+        .ok_or(Undefined::OutOfRange)
 }

@@ -1,12 +1,11 @@
 use std::collections::HashSet;
 
 use crate::moments::Moments;
-use crate::outcome::{NonFiniteKind, Outcome, Quantity, Undefined};
+use crate::outcome::{Outcome, Quantity, Undefined};
 use crate::samples::Better;
 
 /// One metric's value for one property.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PropertyScore {
     /// The property's name, for example `fRS`.
     pub property: String,
@@ -16,7 +15,6 @@ pub struct PropertyScore {
 
 /// A mean over properties, and what it rests on.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PropertyMean {
     /// The mean over [`properties`](Self::properties), in the unit of the scores.
     pub value: Result<f64, Undefined>,
@@ -45,43 +43,36 @@ impl PropertyMean {
         self.properties.len() == self.wanted
     }
 
+    /// Over those of some names and scores that have one; over none where a name is `repeated`.
     fn over<'a>(
         scores: impl Iterator<Item = (&'a str, Result<f64, Undefined>)>,
         wanted: usize,
+        repeated: Option<Undefined>,
     ) -> Self {
+        let mut mean = Self {
+            value: Err(Undefined::NothingDefined { of: wanted }),
+            properties: Vec::new(),
+            left_out: Vec::new(),
+            wanted,
+        };
+        if let Some(repeated) = repeated {
+            mean.value = Err(repeated);
+            return mean;
+        }
         let mut moments = Moments::new();
-        let mut properties = Vec::new();
-        let mut left_out = Vec::new();
         for (property, value) in scores {
             match value {
                 Ok(value) => {
                     moments.push(value);
-                    properties.push(property.to_owned());
+                    mean.properties.push(property.to_owned());
                 }
-                Err(reason) => left_out.push((property.to_owned(), reason)),
+                Err(reason) => mean.left_out.push((property.to_owned(), reason)),
             }
         }
-        let nothing = Undefined::NothingDefined { of: wanted };
-        let value = if properties.is_empty() {
-            Err(nothing)
-        } else {
-            moments.mean()
-        };
-        Self {
-            value,
-            properties,
-            left_out,
-            wanted,
+        if !mean.properties.is_empty() {
+            mean.value = moments.mean();
         }
-    }
-
-    fn refused(reason: Undefined, wanted: usize) -> Self {
-        Self {
-            value: Err(reason),
-            properties: Vec::new(),
-            left_out: Vec::new(),
-            wanted,
-        }
+        mean
     }
 }
 
@@ -90,10 +81,8 @@ impl PropertyMean {
 /// A property named twice makes the value [`Undefined::RepeatedProperty`]; no score at all,
 /// [`Undefined::NothingDefined`].
 pub fn mean_over_all(scores: &[PropertyScore]) -> PropertyMean {
-    match repeated(names(scores)) {
-        Some(repeated) => PropertyMean::refused(repeated, scores.len()),
-        None => PropertyMean::over(scores.iter().map(checked), scores.len()),
-    }
+    let repeated = repeated(names(scores));
+    PropertyMean::over(scores.iter().map(checked), scores.len(), repeated)
 }
 
 /// The mean over a fixed list of properties, such as the paper's top eight. Those without a score,
@@ -116,14 +105,12 @@ pub fn mean_over_all(scores: &[PropertyScore]) -> PropertyMean {
 /// ```
 pub fn mean_over_named<N: AsRef<str>>(scores: &[PropertyScore], wanted: &[N]) -> PropertyMean {
     let listed = wanted.iter().map(AsRef::as_ref);
-    if let Some(repeated) = repeated(names(scores)).or_else(|| repeated(listed.clone())) {
-        return PropertyMean::refused(repeated, wanted.len());
-    }
+    let repeated = repeated(names(scores)).or_else(|| repeated(listed.clone()));
     let found = listed.map(|name| {
         let score = scores.iter().find(|score| score.property == name);
         score.map_or((name, Err(Undefined::NotScored)), checked)
     });
-    PropertyMean::over(found, wanted.len())
+    PropertyMean::over(found, wanted.len(), repeated)
 }
 
 /// The mean over the `count` best properties of this run, by these scores themselves. Of equal
@@ -133,24 +120,17 @@ pub fn mean_over_named<N: AsRef<str>>(scores: &[PropertyScore], wanted: &[N]) ->
 /// A property named twice makes the value [`Undefined::RepeatedProperty`]; no score at all,
 /// [`Undefined::NothingDefined`].
 pub fn mean_over_best(scores: &[PropertyScore], count: usize, better: Better) -> PropertyMean {
-    if let Some(repeated) = repeated(names(scores)) {
-        return PropertyMean::refused(repeated, count);
-    }
-    let (mut ranked, mut undefined) = (Vec::new(), Vec::new());
-    for (property, value) in scores.iter().map(checked) {
-        match value {
-            Ok(value) => ranked.push((property, value)),
-            Err(reason) => undefined.push((property, Err(reason))),
-        }
-    }
-    ranked.sort_by(|(_, a), (_, b)| match better {
-        // Adding zero makes -0 and 0 one value.
-        Better::Higher => (b + 0.0).total_cmp(&(a + 0.0)),
-        Better::Lower => (a + 0.0).total_cmp(&(b + 0.0)),
+    let all = scores.iter().map(checked);
+    let (mut best, undefined): (Vec<_>, Vec<_>) = all.partition(|(_, value)| value.is_ok());
+    // Adding zero makes -0 and 0 one value.
+    let value = |of: &(_, Result<f64, _>)| of.1.as_ref().map_or(0.0, |value| value + 0.0);
+    best.sort_by(|a, b| match better {
+        Better::Higher => value(b).total_cmp(&value(a)),
+        Better::Lower => value(a).total_cmp(&value(b)),
     });
-    let best = ranked.into_iter().take(count);
-    let best = best.map(|(property, value)| (property, Ok(value)));
-    PropertyMean::over(best.chain(undefined), count)
+    best.truncate(count);
+    let repeated = repeated(names(scores));
+    PropertyMean::over(best.into_iter().chain(undefined), count, repeated)
 }
 
 fn names(scores: &[PropertyScore]) -> impl Iterator<Item = &str> {
@@ -159,18 +139,11 @@ fn names(scores: &[PropertyScore]) -> impl Iterator<Item = &str> {
 
 /// The name and the score, where one that is not finite is none.
 fn checked(score: &PropertyScore) -> (&str, Result<f64, Undefined>) {
-    let value = score.value.clone().and_then(|value| {
-        NonFiniteKind::of(value).map_or(Ok(value), |kind| {
-            Err(Undefined::NonFinite {
-                quantity: Quantity::Value,
-                index: 0,
-                kind,
-                count: 1,
-                of: 1,
-            })
-        })
-    });
-    (&score.property, value)
+    let value = score.value.clone();
+    (
+        &score.property,
+        value.and_then(|value| Quantity::Value.finite(value)),
+    )
 }
 
 fn repeated<'a>(names: impl Iterator<Item = &'a str>) -> Option<Undefined> {

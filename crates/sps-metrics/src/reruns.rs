@@ -4,7 +4,6 @@ use crate::outcome::Undefined;
 
 /// One score over reruns of one experiment.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RerunSummary {
     /// The mean over the reruns that have a score, in the unit of the score.
     pub mean: Result<f64, Undefined>,
@@ -20,7 +19,6 @@ impl RerunSummary {
     /// The two-sided p-value of a true mean of 0, by Student's t.
     ///
     /// # Errors
-    ///
     /// Those of [`std`](Self::std).
     pub fn p_value(&self) -> Result<f64, Undefined> {
         let (mean, std) = (self.mean.clone()?, self.std.clone()?);

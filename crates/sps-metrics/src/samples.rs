@@ -4,7 +4,7 @@ pub(crate) mod ranks;
 use crate::accumulate::ScoreAccumulator;
 use crate::interval::{Scale, Terms, of_median, of_spearman};
 use crate::moments::Moments;
-use crate::outcome::{NonFiniteKind, Outcome, Quantity, Undefined};
+use crate::outcome::{Outcome, Quantity, Undefined};
 use percent::{median_percent_error, percent_error};
 
 /// One sample: what was measured and what the model said.
@@ -37,25 +37,14 @@ impl TrainingMean {
     /// A mean that is known already.
     ///
     /// # Errors
-    ///
     /// [`Undefined::NonFinite`].
     pub fn new(mean: f64) -> Result<Self, Undefined> {
-        match NonFiniteKind::of(mean) {
-            None => Ok(Self(mean)),
-            Some(kind) => Err(Undefined::NonFinite {
-                quantity: Quantity::TrainingMean,
-                index: 0,
-                kind,
-                count: 1,
-                of: 1,
-            }),
-        }
+        Quantity::TrainingMean.finite(mean).map(Self)
     }
 
     /// The mean of the training truths.
     ///
     /// # Errors
-    ///
     /// [`Undefined::Empty`], [`Undefined::NonFinite`], [`Undefined::OutOfRange`].
     pub fn of(training_truth: &[f64]) -> Result<Self, Undefined> {
         let moments: Moments = training_truth.iter().copied().collect();
@@ -76,7 +65,6 @@ impl<'a> Samples<'a> {
     /// how much closer than m the estimates are, and nothing about variation among the samples.
     ///
     /// # Errors
-    ///
     /// [`Undefined::ConstantTruth`] where every truth equals m.
     pub fn r2(self, mean: TrainingMean) -> Outcome {
         self.accumulate()?.r2(mean)
@@ -85,7 +73,6 @@ impl<'a> Samples<'a> {
     /// R² against the samples' own mean, as scikit-learn's `r2_score`.
     ///
     /// # Errors
-    ///
     /// [`Undefined::ConstantTruth`]; [`Undefined::TooFewSamples`] for one sample.
     pub fn r2_own_mean(self) -> Outcome {
         self.accumulate()?.r2_own_mean()
@@ -94,7 +81,6 @@ impl<'a> Samples<'a> {
     /// Mean absolute error, in the unit of the truth.
     ///
     /// # Errors
-    ///
     /// Those of every score.
     pub fn mae(self) -> Outcome {
         self.accumulate()?.mae()
@@ -103,7 +89,6 @@ impl<'a> Samples<'a> {
     /// Root of the mean squared error, in the unit of the truth.
     ///
     /// # Errors
-    ///
     /// Those of every score.
     pub fn rmse(self) -> Outcome {
         self.accumulate()?.rmse()
@@ -114,7 +99,6 @@ impl<'a> Samples<'a> {
     /// samples it is the mean of the middle two.
     ///
     /// # Errors
-    ///
     /// [`Undefined::AllTruthsZero`].
     pub fn median_percent_error(self) -> Outcome {
         median_percent_error(self.pairs()?)
@@ -123,7 +107,6 @@ impl<'a> Samples<'a> {
     /// Spearman's rank correlation, -1 to 1; equal values share their average rank.
     ///
     /// # Errors
-    ///
     /// [`Undefined::ConstantTruth`], [`Undefined::ConstantEstimate`];
     /// [`Undefined::TooFewSamples`] for one sample.
     pub fn spearman(self) -> Outcome {
@@ -134,7 +117,6 @@ impl<'a> Samples<'a> {
     /// The samples one by one.
     ///
     /// # Errors
-    ///
     /// [`Undefined::LengthMismatch`].
     pub fn pairs(self) -> Result<impl Iterator<Item = Pair> + 'a, Undefined> {
         if self.truth.len() == self.estimate.len() {
@@ -192,7 +174,6 @@ impl Metric {
     /// The metric's score of these samples.
     ///
     /// # Errors
-    ///
     /// Those of the method of [`Samples`] that it names.
     pub fn score(self, samples: Samples<'_>) -> Outcome {
         match self {
@@ -254,7 +235,6 @@ impl Metric {
 
 /// Every score of one property.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Scores {
     /// [`Samples::r2`], the paper's.
     pub r2: Outcome,

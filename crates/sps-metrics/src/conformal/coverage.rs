@@ -5,7 +5,6 @@ use crate::screen::Screen;
 
 /// How intervals fared on truths.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coverage {
     /// How many truths lie in their interval, its ends included.
     pub covered: usize,
@@ -25,7 +24,6 @@ impl Coverage {
 /// Empirical coverage and mean width of intervals, one per truth.
 ///
 /// # Errors
-///
 /// [`Undefined::Empty`], [`Undefined::LengthMismatch`], [`Undefined::NonFinite`],
 /// [`Undefined::InvertedInterval`], [`Undefined::OutOfRange`].
 pub fn coverage(intervals: &[PredictionInterval], truth: &[f64]) -> Result<Coverage, Undefined> {

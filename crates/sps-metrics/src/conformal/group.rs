@@ -1,9 +1,8 @@
 use std::collections::BTreeMap;
 
-use super::{ConformalError, PredictionInterval, needed, rank, residuals, sizes};
+use super::{ConformalError, needed, rank, sizes};
 use crate::double::Double;
 use crate::level::{Level, reaches, steps};
-use crate::samples::Samples;
 
 /// Intervals that cover a sample of a *new group* at a promised rate, where samples come in groups
 /// (photographs of one material, surfaces of one sheet) whose members are alike: hierarchical
@@ -37,8 +36,7 @@ use crate::samples::Samples;
 /// let groups = [0, 0, 0, 1, 2];
 /// // Mass up to 0.5 of the three groups and the new one: (3/3 + 1) / 4.
 /// let half = GroupConformal::from_residuals(&residuals, &groups, Level::new(0.5)?)?;
-/// assert_eq!((half.radius(), half.groups()), (0.5, 3));
-/// assert_eq!(half.interval(5.0).low, 4.5);
+/// assert_eq!((half.radius, half.groups), (0.5, 3));
 ///
 /// // Three groups reach 3/4 and no more.
 /// let refused = GroupConformal::from_residuals(&residuals, &groups, Level::P90);
@@ -46,36 +44,20 @@ use crate::samples::Samples;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GroupConformal {
-    radius: f64,
-    groups: usize,
-    calibration: usize,
-    level: Level,
+    /// Half the width of every interval, in the unit of the truth.
+    pub radius: f64,
+    /// How many groups it was calibrated on, K.
+    pub groups: usize,
+    /// The level asked for: the least coverage to expect.
+    pub level: Level,
 }
 
 impl GroupConformal {
-    /// Calibrates on samples of groups that the model was not fitted to. `groups` says which group
-    /// each sample is of, by any numbers, `(samples)`.
+    /// Calibrates on residuals, signed or absolute, in the unit of the truth, of groups that the model
+    /// was not fitted to. `groups` says which group each is of, by any numbers.
     ///
     /// # Errors
-    ///
-    /// As [`from_residuals`](Self::from_residuals);
-    /// [`Undefined::LengthMismatch`](crate::Undefined::LengthMismatch), and
-    /// [`Undefined::OutOfRange`](crate::Undefined::OutOfRange) where a residual overflows.
-    pub fn calibrate(
-        samples: Samples<'_>,
-        groups: &[usize],
-        level: Level,
-    ) -> Result<Self, ConformalError> {
-        Self::from_residuals(&residuals(samples)?, groups, level)
-    }
-
-    /// Calibrates on residuals, signed or absolute, in the unit of the truth; `groups` as in
-    /// [`calibrate`](Self::calibrate).
-    ///
-    /// # Errors
-    ///
     /// [`ConformalError::TooFewGroups`] where the level needs more,
     /// [`ConformalError::GroupMismatch`]; [`Undefined::Empty`](crate::Undefined::Empty),
     /// [`Undefined::NonFinite`](crate::Undefined::NonFinite).
@@ -108,34 +90,8 @@ impl GroupConformal {
         Ok(Self {
             radius: quantile(sizes.into_iter().zip(shares), steps(found + 1, level.get())),
             groups: found,
-            calibration: residuals.len(),
             level,
         })
-    }
-
-    /// Half the width of every interval, in the unit of the truth.
-    pub const fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// How many groups it was calibrated on, K.
-    pub const fn groups(&self) -> usize {
-        self.groups
-    }
-
-    /// How many samples it was calibrated on.
-    pub const fn calibration_samples(&self) -> usize {
-        self.calibration
-    }
-
-    /// The level asked for: the least coverage to expect.
-    pub const fn level(&self) -> Level {
-        self.level
-    }
-
-    /// The interval around an estimate.
-    pub fn interval(&self, estimate: f64) -> PredictionInterval {
-        PredictionInterval::around(estimate, self.radius)
     }
 }
 
@@ -148,13 +104,9 @@ fn quantile(sized: impl Iterator<Item = (f64, Double)>, reach: f64) -> f64 {
     let mut ascending: Vec<(f64, Double)> = sized.collect();
     ascending.sort_by(|(size, _), (other, _)| size.total_cmp(other));
     let mut sum = Double::default();
-    let mut radius = 0.0;
-    for (size, share) in ascending {
-        sum += share;
-        radius = size;
-        if reaches(sum.value(), reach) {
-            break;
-        }
-    }
-    radius
+    let reached = ascending.iter().find(|(_, share)| {
+        sum += *share;
+        reaches(sum.value(), reach)
+    });
+    reached.or(ascending.last()).map_or(0.0, |(size, _)| *size)
 }

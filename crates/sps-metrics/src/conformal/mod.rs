@@ -8,7 +8,6 @@ use thiserror::Error;
 
 use crate::level::{Level, steps};
 use crate::outcome::{Quantity, Undefined};
-use crate::samples::Samples;
 use crate::screen::Screen;
 
 pub use coverage::{Coverage, coverage};
@@ -17,7 +16,6 @@ pub use split::SplitConformal;
 
 /// The range in which a truth is expected.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PredictionInterval {
     /// The lower end, which belongs to the interval.
     pub low: f64,
@@ -68,23 +66,13 @@ pub enum ConformalError {
 }
 
 impl PredictionInterval {
-    fn around(estimate: f64, radius: f64) -> Self {
+    /// The interval that reaches `radius` to either side of an estimate.
+    pub fn around(estimate: f64, radius: f64) -> Self {
         Self {
             low: estimate - radius,
             high: estimate + radius,
         }
     }
-}
-
-/// Truth less estimate, all finite.
-fn residuals(samples: Samples<'_>) -> Result<Vec<f64>, Undefined> {
-    samples.accumulate()?.samples()?;
-    let residuals = samples.pairs()?.map(|pair| pair.truth - pair.estimate);
-    let residuals: Vec<f64> = residuals.collect();
-    if residuals.iter().any(|residual| residual.is_infinite()) {
-        return Err(Undefined::OutOfRange);
-    }
-    Ok(residuals)
 }
 
 /// The absolute residuals, at least one and all finite.

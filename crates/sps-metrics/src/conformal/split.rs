@@ -1,6 +1,5 @@
-use super::{ConformalError, PredictionInterval, needed, rank, residuals, sizes};
+use super::{ConformalError, needed, rank, sizes};
 use crate::level::Level;
-use crate::samples::Samples;
 
 /// Intervals around estimates that cover the truth at a promised rate, whatever the model and
 /// whatever the distribution: split conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic
@@ -13,51 +12,40 @@ use crate::samples::Samples;
 /// average over calibration sets and over samples, not for each property value or material.
 ///
 /// ```
-/// use sps_metrics::{Level, SplitConformal};
+/// use sps_metrics::{Level, PredictionInterval, SplitConformal};
 ///
 /// let residuals = [0.3, -0.1, 0.2, -0.7, 0.5, 0.4, -0.6, 0.9, -0.8];
 /// let conformal = SplitConformal::from_residuals(&residuals, Level::P90)?;
-/// assert_eq!(conformal.radius(), 0.9); // the 9th smallest: ceil(10 * 0.9)
-/// assert_eq!(conformal.interval(5.0).low, 4.1);
+/// assert_eq!(conformal.radius, 0.9); // the 9th smallest: ceil(10 * 0.9)
+/// assert_eq!(PredictionInterval::around(5.0, conformal.radius).low, 4.1);
 /// assert!(SplitConformal::from_residuals(&residuals[1..], Level::P90).is_err());
 /// # Ok::<(), sps_metrics::ConformalError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SplitConformal {
-    radius: f64,
-    rank: usize,
-    calibration: usize,
-    level: Level,
+    /// Half the width of every interval, in the unit of the truth.
+    pub radius: f64,
+    /// How many samples it was calibrated on.
+    pub samples: usize,
+    /// The level asked for.
+    pub level: Level,
 }
 
 impl SplitConformal {
-    /// Calibrates on samples that the model was not fitted to.
+    /// Calibrates on residuals, signed or absolute, in the unit of the truth, of samples that the model
+    /// was not fitted to. The radius is the ceil((n + 1) level)-th smallest absolute residual.
     ///
     /// # Errors
-    ///
-    /// As [`from_residuals`](Self::from_residuals);
-    /// [`Undefined::LengthMismatch`](crate::Undefined::LengthMismatch), and
-    /// [`Undefined::OutOfRange`](crate::Undefined::OutOfRange) where a residual overflows.
-    pub fn calibrate(samples: Samples<'_>, level: Level) -> Result<Self, ConformalError> {
-        Self::from_residuals(&residuals(samples)?, level)
-    }
-
-    /// Calibrates on residuals, signed or absolute, in the unit of the truth. The radius is the
-    /// ceil((n + 1) level)-th smallest absolute residual.
-    ///
-    /// # Errors
-    ///
     /// [`ConformalError::TooFewSamples`] where the level needs more;
     /// [`Undefined::Empty`](crate::Undefined::Empty),
     /// [`Undefined::NonFinite`](crate::Undefined::NonFinite).
     pub fn from_residuals(residuals: &[f64], level: Level) -> Result<Self, ConformalError> {
         let mut sizes = sizes(residuals)?;
-        let calibration = sizes.len();
-        let rank = rank(calibration, level);
-        if rank > calibration {
+        let samples = sizes.len();
+        let rank = rank(samples, level);
+        if rank > samples {
             return Err(ConformalError::TooFewSamples {
-                found: calibration,
+                found: samples,
                 needed: needed(level),
                 level,
             });
@@ -65,35 +53,14 @@ impl SplitConformal {
         let (_, &mut radius, _) = sizes.select_nth_unstable_by(rank - 1, f64::total_cmp);
         Ok(Self {
             radius,
-            rank,
-            calibration,
+            samples,
             level,
         })
     }
 
-    /// Half the width of every interval, in the unit of the truth.
-    pub const fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// How many samples it was calibrated on.
-    pub const fn calibration_samples(&self) -> usize {
-        self.calibration
-    }
-
-    /// The level asked for.
-    pub const fn level(&self) -> Level {
-        self.level
-    }
-
-    /// The coverage to expect, rank / (n + 1): at least the level, and above it by less than
-    /// 1 / (n + 1). Exact where no two residuals are equal.
+    /// The coverage to expect, ceil((n + 1) level) / (n + 1): at least the level, and above it by less
+    /// than 1 / (n + 1). Exact where no two residuals are equal.
     pub fn expected_coverage(&self) -> f64 {
-        self.rank as f64 / (self.calibration + 1) as f64
-    }
-
-    /// The interval around an estimate.
-    pub fn interval(&self, estimate: f64) -> PredictionInterval {
-        PredictionInterval::around(estimate, self.radius)
+        rank(self.samples, self.level) as f64 / (self.samples + 1) as f64
     }
 }

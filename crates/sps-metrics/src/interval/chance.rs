@@ -83,32 +83,20 @@ pub(super) fn of_units(sides: &[&Side], times: f64) -> Result<Part, IntervalErro
     // n / (n - 1) as large as by its weight.
     let scale = (count - 1.0) / count;
     let by = |of: fn(&Change) -> f64| spread(&units.values().map(of).collect::<Vec<f64>>());
-    let (without, lighter) = (by(|change| change.without), by(|change| change.lighter));
-    let without = Part {
-        variance: scale * scale * without.variance,
-        ..without
-    };
-    let larger = if lighter.variance > without.variance {
-        lighter
-    } else {
-        without
-    };
-    Ok(Part {
-        variance: times * larger.variance,
-        ..larger
-    })
+    let (mut larger, lighter) = (by(|change| change.without), by(|change| change.lighter));
+    larger.variance *= scale * scale;
+    if lighter.variance > larger.variance {
+        larger = lighter;
+    }
+    larger.variance *= times;
+    Ok(larger)
 }
 
 /// The variance of a sum of independent values, from what each has added to it.
 fn spread(values: &[f64]) -> Part {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
-    let power = |n: i32| {
-        values
-            .iter()
-            .map(|value| (value - mean).powi(n))
-            .sum::<f64>()
-    };
+    let power = |n: i32| -> f64 { values.iter().map(|value| (value - mean).powi(n)).sum() };
     let (squares, fourths) = (power(2), power(4));
     let heavy = if squares > 0.0 {
         (count * fourths / (squares * squares) - 3.0).max(0.0)

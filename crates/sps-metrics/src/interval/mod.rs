@@ -36,7 +36,7 @@ pub(crate) use influence::{of_median, of_spearman};
 /// Components", 1992). R² lies on the scale of ln(1 - R²), errors on that of their logarithm,
 /// Spearman's correlation on Fisher's: an interval so ends where the score does, and is wider on the
 /// side on which few units can do more. Nothing is drawn at random. `cargo run --release --example
-/// coverage` says how often such intervals hold the truth, and those of a bootstrap beside them.
+/// coverage` says how often such intervals hold the truth.
 ///
 /// ```
 /// use sps_metrics::{Intervals, Level, Metric, Samples, Scored};
@@ -46,11 +46,9 @@ pub(crate) use influence::{of_median, of_spearman};
 ///     [15.0, 33.0, 10.0, 58.0, 49.0, 27.0, 22.0, 50.0],
 ///     [17.0, 36.0, 11.0, 57.0, 48.0, 25.0, 22.0, 51.0],
 /// ];
-/// let scored = [0, 1].map(|rerun| Scored {
-///     metric: Metric::Mae,
-///     samples: Samples { truth: &truth, estimate: &models[rerun] },
-///     units: None, // each sample is a unit of its own
-///     rerun,
+/// let scored = [0, 1].map(|rerun| {
+///     let samples = Samples { truth: &truth, estimate: &models[rerun] };
+///     Scored { rerun, ..Scored::new(Metric::Mae, samples) }
 /// });
 ///
 /// // Of these two models, on other surfaces.
@@ -86,7 +84,6 @@ pub struct Scored<'a> {
 
 /// A score, or the difference of two, with its interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ScoreInterval {
     /// The score of the samples as they are, or the first method's less the second's.
     pub estimate: f64,
@@ -134,6 +131,18 @@ pub enum IntervalError {
     },
 }
 
+impl<'a> Scored<'a> {
+    /// Samples each of which is a unit of its own, in one rerun.
+    pub fn new(metric: Metric, samples: Samples<'a>) -> Self {
+        Self {
+            metric,
+            samples,
+            units: None,
+            rerun: 0,
+        }
+    }
+}
+
 impl ScoreInterval {
     /// Whether zero lies outside of the interval: for a single difference that was asked for
     /// beforehand, whether the methods differ. For one of many see [`holm`].
@@ -179,15 +188,13 @@ impl Intervals {
     /// The interval of a score, or of the mean of several: of R² over properties and reruns, say.
     ///
     /// # Errors
-    ///
     /// Any [`IntervalError`]; one score that has no value leaves the mean without one, so leave
     /// out beforehand what [`mean_over_all`](crate::mean_over_all) reports as left out.
     pub fn interval(&self, scored: &[Scored<'_>]) -> Result<ScoreInterval, IntervalError> {
         let side = Side::of(scored)?;
         let parts = self.parts(&[&side])?;
         let scale = scored.first().map(|scored| scored.metric.scale());
-        let ends = |half| scale.unwrap_or_default().around(side.mean, half);
-        Ok(self.found(side.mean, &parts, side.counts(), ends))
+        Ok(self.found(side.mean, &parts, side.counts(), scale.unwrap_or_default()))
     }
 
     /// The interval of the difference between the means of two methods' scores, first less second.
@@ -195,7 +202,6 @@ impl Intervals {
     /// the same: what is hard, or lucky, for both cancels out.
     ///
     /// # Errors
-    ///
     /// As [`interval`](Self::interval).
     pub fn difference(
         &self,
@@ -206,14 +212,13 @@ impl Intervals {
         let parts = self.parts(&[&first, &second])?;
         let counts = [first.counts(), second.counts()];
         let both = [0, 1].map(|at| counts[0][at].max(counts[1][at]));
-        Ok(self.apart(&first, &second, &parts, both))
+        Ok(self.found(first.mean - second.mean, &parts, both, Scale::Plain))
     }
 
     /// The same of methods that were tested on units that have nothing to do with one another,
     /// whatever their numbers.
     ///
     /// # Errors
-    ///
     /// As [`interval`](Self::interval).
     pub fn independent_difference(
         &self,
@@ -224,20 +229,7 @@ impl Intervals {
         let parts = [self.parts(&[&first])?, self.parts(&[&second])?].concat();
         let counts = [first.counts(), second.counts()];
         let both = [0, 1].map(|at| counts[0][at] + counts[1][at]);
-        Ok(self.apart(&first, &second, &parts, both))
-    }
-
-    fn apart(
-        &self,
-        first: &Side,
-        second: &Side,
-        parts: &[Part],
-        counts: [usize; 2],
-    ) -> ScoreInterval {
-        let estimate = first.mean - second.mean;
-        self.found(estimate, parts, counts, |half| {
-            [estimate - half, estimate + half]
-        })
+        Ok(self.found(first.mean - second.mean, &parts, both, Scale::Plain))
     }
 
     /// The variances of one side, or of the difference of two.
@@ -254,9 +246,10 @@ impl Intervals {
         estimate: f64,
         parts: &[Part],
         [units, reruns]: [usize; 2],
-        ends: impl Fn(f64) -> [f64; 2],
+        scale: Scale,
     ) -> ScoreInterval {
-        let [low, high] = ends(chance::half_width(parts, 1.0 - self.level.get()));
+        let half = chance::half_width(parts, 1.0 - self.level.get());
+        let [low, high] = scale.around(estimate, half);
         let variance: f64 = parts.iter().map(|part| part.variance).sum();
         ScoreInterval {
             estimate,

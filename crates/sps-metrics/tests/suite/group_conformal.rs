@@ -1,15 +1,9 @@
 //! Intervals that promise to cover a sample of a new group.
 
 use proptest::prelude::*;
-use sps_metrics::{
-    ConformalError, GroupConformal, Level, PredictionInterval, Samples, SplitConformal, Undefined,
-};
+use sps_metrics::{ConformalError, GroupConformal, Level, SplitConformal, Undefined};
 
-use crate::support::uniform;
-
-fn level(thousandths: usize) -> Level {
-    Level::new(thousandths as f64 / 1000.0).expect("between 0 and 1")
-}
+use crate::support::{level, uniform};
 
 /// The radius in integers: the least residual r with
 /// `1000 sum_k (members of k up to r) / N_k >= thousandths (K + 1)`, over a common denominator.
@@ -49,9 +43,8 @@ proptest! {
         let found = GroupConformal::from_residuals(&residuals, &numbers, level(thousandths));
         match (found, exact_radius(&groups, thousandths)) {
             (Ok(found), Some(radius)) => {
-                prop_assert_eq!(found.radius(), f64::from(radius));
-                prop_assert_eq!(found.groups(), groups.len());
-                prop_assert_eq!(found.calibration_samples(), residuals.len());
+                prop_assert_eq!(found.radius, f64::from(radius));
+                prop_assert_eq!(found.groups, groups.len());
             }
             (Err(ConformalError::TooFewGroups { found, needed, .. }), None) => {
                 prop_assert_eq!(found, groups.len());
@@ -74,9 +67,8 @@ proptest! {
         match SplitConformal::from_residuals(&residuals, level(thousandths)) {
             Ok(split) => {
                 let grouped = grouped.expect("as many groups as samples");
-                prop_assert_eq!(grouped.radius().to_bits(), split.radius().to_bits());
-                prop_assert_eq!(grouped.interval(0.3), split.interval(0.3));
-                prop_assert_eq!(grouped.groups(), split.calibration_samples());
+                prop_assert_eq!(grouped.radius.to_bits(), split.radius.to_bits());
+                prop_assert_eq!(grouped.groups, split.samples);
             }
             Err(ConformalError::TooFewSamples { found, needed, level }) => {
                 let expected = ConformalError::TooFewGroups { found, needed, level };
@@ -108,7 +100,7 @@ proptest! {
             let left_out = others.swap_remove(index);
             let (residuals, numbers) = flat(&others);
             let found = GroupConformal::from_residuals(&residuals, &numbers, level(thousandths));
-            let radius = found.expect("enough groups").radius();
+            let radius = found.expect("enough groups").radius;
             let inside = left_out.iter().filter(|&&size| f64::from(size) <= radius).count();
             covered += inside as f64 / left_out.len() as f64;
         }
@@ -144,8 +136,8 @@ fn covered_by(name: &str, scale: fn(usize) -> f64) -> (f64, f64) {
         groups.pop();
         let grouped = GroupConformal::from_residuals(&residuals, &groups, Level::P90);
         let split = SplitConformal::from_residuals(&residuals, Level::P90);
-        covered.0 += usize::from(new <= grouped.expect("19 groups").radius());
-        covered.1 += usize::from(new <= split.expect("19 samples or more").radius());
+        covered.0 += usize::from(new <= grouped.expect("19 groups").radius);
+        covered.1 += usize::from(new <= split.expect("19 samples or more").radius);
     }
     let share = |covered| f64::from(covered as u32) / DRAWS as f64;
     (share(covered.0), share(covered.1))
@@ -177,7 +169,7 @@ fn samples_of_new_groups_are_covered_at_the_promised_rate() {
 fn seven_groups_reach_seven_eighths() {
     let (residuals, groups) = flat(&(0..7).map(|k| vec![k, k + 20]).collect::<Vec<_>>());
     let found = GroupConformal::from_residuals(&residuals, &groups, level(875));
-    assert_eq!(found.map(|found| found.radius()), Ok(26.0));
+    assert_eq!(found.map(|found| found.radius), Ok(26.0));
     let refused = GroupConformal::from_residuals(&residuals, &groups, level(876));
     let reason = refused.expect_err("seven groups");
     let said = "7 calibration group(s) allow a level of 7/8, a level of 0.876 needs at least 8";
@@ -198,40 +190,32 @@ fn fractions_are_not_lost_to_rounding() {
     groups.push((11..=20).collect());
     let (residuals, numbers) = flat(&groups);
     let found = GroupConformal::from_residuals(&residuals, &numbers, Level::P90);
-    assert_eq!(found.map(|found| found.radius()), Ok(19.0));
+    assert_eq!(found.map(|found| found.radius), Ok(19.0));
 
     // A hundred fifths are twenty, half of 39 groups and the new one. Summed in f64 they are less,
     // and the next residual would be taken.
     let groups: Vec<Vec<u32>> = (0..39).map(|k| (5 * k..5 * k + 5).collect()).collect();
     let (residuals, numbers) = flat(&groups);
     let found = GroupConformal::from_residuals(&residuals, &numbers, level(500));
-    assert_eq!(found.map(|found| found.radius()), Ok(99.0));
+    assert_eq!(found.map(|found| found.radius), Ok(99.0));
     let naive = (0..100).fold(0.0, |sum, _| sum + 1.0 / 5.0);
     assert!(naive < 20.0 - 1e-14, "{naive}");
 }
 
 #[test]
-fn calibration_takes_truth_less_estimate() {
-    let samples = Samples {
-        truth: &[10.0, 20.0, 30.0],
-        estimate: &[11.0, 18.0, 30.5],
-    };
+fn residuals_and_groups_pair_up_and_are_finite() {
     let half = level(500);
-    let found = GroupConformal::calibrate(samples, &[4, 4, 9], half).expect("two groups");
+    let residuals = [-1.0, 2.0, -0.5];
+    let found = GroupConformal::from_residuals(&residuals, &[4, 4, 9], half);
     // Half of three groups: the second's one sample of 0.5, and one of the first's two.
-    assert_eq!((found.radius(), found.groups()), (1.0, 2));
-    assert_eq!((found.calibration_samples(), found.level()), (3, half));
-    let around = PredictionInterval {
-        low: 4.0,
-        high: 6.0,
-    };
-    assert_eq!(found.interval(5.0), around);
+    let found = found.expect("two groups");
+    assert_eq!((found.radius, found.groups, found.level), (1.0, 2, half));
 
     let reason = ConformalError::GroupMismatch {
         samples: 3,
         groups: 2,
     };
-    let refused = GroupConformal::calibrate(samples, &[4, 4], half);
+    let refused = GroupConformal::from_residuals(&residuals, &[4, 4], half);
     assert_eq!(refused, Err(reason));
     let refused = GroupConformal::from_residuals(&[], &[], half);
     assert_eq!(refused, Err(Undefined::Empty.into()));
@@ -240,10 +224,4 @@ fn calibration_takes_truth_less_estimate() {
         panic!("{refused:?}");
     };
     assert!(matches!(reason, Undefined::NonFinite { index: 1, .. }));
-    let overflow = Samples {
-        truth: &[f64::MAX],
-        estimate: &[f64::MIN],
-    };
-    let refused = GroupConformal::calibrate(overflow, &[0], half);
-    assert_eq!(refused, Err(Undefined::OutOfRange.into()));
 }

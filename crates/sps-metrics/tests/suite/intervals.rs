@@ -11,12 +11,17 @@ const OF_MODELS: Intervals = Intervals::of_models(Level::P95);
 const OF_TRAINING: Intervals = Intervals::of_training(Level::P95);
 
 fn scored<'a>(metric: Metric, truth: &'a [f64], estimate: &'a [f64]) -> Scored<'a> {
-    Scored {
-        metric,
-        samples: Samples { truth, estimate },
-        units: None,
-        rerun: 0,
-    }
+    Scored::new(metric, Samples { truth, estimate })
+}
+
+/// Of each rerun.
+fn numbered<'a>(metric: Metric, truth: &'a [f64], estimates: &'a [Vec<f64>]) -> Vec<Scored<'a>> {
+    let reruns = estimates.iter().enumerate();
+    let scored = reruns.map(|(rerun, estimate)| Scored {
+        rerun,
+        ..scored(metric, truth, estimate)
+    });
+    scored.collect()
 }
 
 fn draw(numbers: &mut impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
@@ -49,10 +54,7 @@ proptest! {
     ) {
         let truth = [64.0; 9];
         let estimates: Vec<Vec<f64>> = errors.iter().map(|errors| plus(&truth, errors)).collect();
-        let reruns: Vec<Scored<'_>> = estimates.iter().enumerate().map(|(rerun, estimate)| Scored {
-            rerun,
-            ..scored(Metric::Mae, &truth, estimate)
-        }).collect();
+        let reruns = numbered(Metric::Mae, &truth, &estimates);
         let of_unit: Vec<f64> = (0..9).map(|unit| {
             mean(&errors.iter().map(|errors| errors[unit]).collect::<Vec<_>>())
         }).collect();
@@ -168,36 +170,29 @@ fn assert_covered(
 fn scores_of_one_model_are_covered() {
     let r2 = 1.0 - (1.0 / 3.0) / (3.0 + 0.25);
     for units in [20, 41, 200] {
-        for (metric, known) in [
-            (Metric::Mae, 0.5),
-            (Metric::Rmse, (1.0_f64 / 3.0).sqrt()),
-            (Metric::R2(training_mean(0.5)), r2),
-            (Metric::R2OwnMean, 1.0 - 1.0 / 9.0),
+        for (name, metric, known) in [
+            ("mae", Metric::Mae, 0.5),
+            ("rmse", Metric::Rmse, (1.0_f64 / 3.0).sqrt()),
+            ("r2", Metric::R2(training_mean(0.5)), r2),
+            ("r2_own_mean", Metric::R2OwnMean, 1.0 - 1.0 / 9.0),
+            ("median", Metric::MedianPercentError, 25.0),
+            ("Spearman", Metric::Spearman, 0.0),
         ] {
-            assert_covered(
-                &format!("{}, {units}", metric.id()),
-                known,
-                |mut numbers| {
-                    let truth: Vec<f64> =
-                        draw(&mut numbers, units).iter().map(|u| 3.0 * u).collect();
-                    let estimate = plus(&truth, &draw(&mut numbers, units));
-                    let found = OF_MODELS.interval(&[scored(metric, &truth, &estimate)]);
-                    found.expect("20 units or more")
-                },
-            );
+            assert_covered(&format!("{name}, {units}"), known, |mut numbers| {
+                let truth: Vec<f64> = match metric {
+                    Metric::MedianPercentError => vec![2.0; units],
+                    Metric::Spearman => draw(&mut numbers, units),
+                    _ => draw(&mut numbers, units).iter().map(|u| 3.0 * u).collect(),
+                };
+                let drawn = draw(&mut numbers, units);
+                let estimate = match metric {
+                    Metric::Spearman => drawn,
+                    _ => plus(&truth, &drawn),
+                };
+                let found = OF_MODELS.interval(&[scored(metric, &truth, &estimate)]);
+                found.expect("20 units or more")
+            });
         }
-        assert_covered(&format!("median, {units}"), 25.0, |mut numbers| {
-            let truth = vec![2.0; units];
-            let estimate = plus(&truth, &draw(&mut numbers, units));
-            let found =
-                OF_MODELS.interval(&[scored(Metric::MedianPercentError, &truth, &estimate)]);
-            found.expect("20 units or more")
-        });
-        assert_covered(&format!("Spearman, {units}"), 0.0, |mut numbers| {
-            let (truth, estimate) = (draw(&mut numbers, units), draw(&mut numbers, units));
-            let found = OF_MODELS.interval(&[scored(Metric::Spearman, &truth, &estimate)]);
-            found.expect("20 units or more")
-        });
     }
 }
 
@@ -224,14 +219,7 @@ fn units_and_reruns_are_covered_together() {
                     })
                     .collect();
                 let metric = Metric::R2(training_mean(0.0));
-                let scored = estimates
-                    .iter()
-                    .enumerate()
-                    .map(|(rerun, estimate)| Scored {
-                        rerun,
-                        ..scored(metric, &truth, estimate)
-                    });
-                let found = OF_TRAINING.interval(&scored.collect::<Vec<_>>());
+                let found = OF_TRAINING.interval(&numbered(metric, &truth, &estimates));
                 found.expect("60 units")
             });
         }
@@ -287,19 +275,15 @@ fn what_is_the_same_for_all_units_and_reruns_has_no_width() {
     // Every error one larger: the difference is one, whichever units are left out.
     let large: Vec<f64> = small.iter().map(|error| error + error.signum()).collect();
     let (first, second) = (plus(&truth, &large), plus(&truth, &small));
-    let reruns = |estimate| {
-        [0, 1, 2].map(|rerun| Scored {
-            rerun,
-            ..scored(Metric::Mae, &truth, estimate)
-        })
-    };
-    let found = OF_TRAINING.difference(&reruns(&first), &reruns(&second));
+    let (first, second) = (vec![first; 3], vec![second; 3]);
+    let [first, second] = [&first, &second].map(|all| numbered(Metric::Mae, &truth, all));
+    let found = OF_TRAINING.difference(&first, &second);
     let found = found.expect("50 units");
     for end in [found.low, found.estimate, found.high] {
         assert!((end - 1.0).abs() < 1e-9, "{found:?}");
     }
     assert!(found.excludes_zero() && found.p < 1e-9);
-    let none = OF_TRAINING.difference(&reruns(&first), &reruns(&first));
+    let none = OF_TRAINING.difference(&first, &first);
     let none = none.expect("50 units");
     assert_eq!(
         (none.low, none.estimate, none.high, none.p),
@@ -315,20 +299,10 @@ fn reruns_that_are_not_the_same_are_not_paired() {
         |errors: &[f64]| -> Vec<Vec<f64>> { errors.iter().map(|error| vec![*error; 8]).collect() };
     let (few, many) = (reruns(&[1.0, 2.0]), reruns(&[1.0, 2.0, 6.0]));
     let expected = variance(&[1.0, 2.0]) / 2.0 + variance(&[1.0, 2.0, 6.0]) / 3.0;
-    let few: Vec<Scored<'_>> = numbered(&truth, &few);
-    let many: Vec<Scored<'_>> = numbered(&truth, &many);
+    let [few, many] = [&few, &many].map(|all| numbered(Metric::Mae, &truth, all));
     let found = OF_TRAINING.difference(&many, &few).expect("eight units");
     assert_close(found.standard_error, expected.sqrt(), 1e-9);
     assert_eq!(found.estimate, 1.5);
-}
-
-fn numbered<'a>(truth: &'a [f64], estimates: &'a [Vec<f64>]) -> Vec<Scored<'a>> {
-    let numbered = estimates.iter().enumerate();
-    let scored = numbered.map(|(rerun, estimate)| Scored {
-        rerun,
-        ..scored(Metric::Mae, truth, estimate)
-    });
-    scored.collect()
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Reference arithmetic that shares nothing with the crate.
 
-use sps_metrics::{Metric, Outcome, Pair, TrainingMean};
+use sps_metrics::{Level, Metric, Outcome, Pair, TrainingMean};
 
 #[path = "../../../../fixtures/golden/rule.rs"]
 #[allow(dead_code, reason = "how far results are off is told otherwise here")]
@@ -95,6 +95,10 @@ impl Exact {
 
 pub(crate) fn training_mean(mean: f64) -> TrainingMean {
     TrainingMean::new(mean).expect("a finite mean")
+}
+
+pub(crate) fn level(thousandths: usize) -> Level {
+    Level::new(thousandths as f64 / 1000.0).expect("between 0 and 1")
 }
 
 pub(crate) fn value(outcome: &Outcome) -> f64 {

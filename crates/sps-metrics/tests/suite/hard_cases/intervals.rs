@@ -5,7 +5,7 @@ use sps_metrics::{
 };
 
 use super::{naive, samples};
-use crate::support::{assert_close, relative_error, uniform};
+use crate::support::{assert_close, level, relative_error, uniform};
 
 #[test]
 fn equal_truths_that_are_left_are_not_scored() {
@@ -15,10 +15,8 @@ fn equal_truths_that_are_left_are_not_scored() {
     let (truth, estimate) = ([[0.1; 7], [0.5; 7]].concat(), [0.3; 14]);
     let surfaces = [[0; 7], [1; 7]].concat();
     let found = Intervals::of_models(Level::P95).interval(&[Scored {
-        metric: Metric::R2OwnMean,
-        samples: samples(&truth, &estimate),
         units: Some(&surfaces),
-        rerun: 0,
+        ..Scored::new(Metric::R2OwnMean, samples(&truth, &estimate))
     }]);
     assert_eq!(found, Err(IntervalError::OneUnit));
     let drawn = [0.1; 7];
@@ -41,12 +39,8 @@ fn interval_at_1e8_equals_interval_at_zero() {
             values.iter().map(|value| offset + scale * value).collect()
         };
         let (truth, estimate) = (moved(&truth), moved(&estimate));
-        let found = Intervals::of_models(Level::P95).interval(&[Scored {
-            metric: Metric::R2OwnMean,
-            samples: samples(&truth, &estimate),
-            units: None,
-            rerun: 0,
-        }]);
+        let scored = Scored::new(Metric::R2OwnMean, samples(&truth, &estimate));
+        let found = Intervals::of_models(Level::P95).interval(&[scored]);
         let silent = naive::r2(&truth, &estimate, naive::mean(&truth));
         (found.expect("100 surfaces"), silent)
     };
@@ -63,9 +57,8 @@ fn interval_at_1e8_equals_interval_at_zero() {
 fn conformal_rank_is_not_lost_to_rounding() {
     // 0.55 * 100 is 55.00000000000001 in f64, whose ceiling is one rank too far.
     let residuals: Vec<f64> = (1..100).map(f64::from).collect();
-    let level = Level::new(0.55).expect("between 0 and 1");
-    let conformal = SplitConformal::from_residuals(&residuals, level);
-    assert_eq!(conformal.map(|conformal| conformal.radius()), Ok(55.0));
+    let conformal = SplitConformal::from_residuals(&residuals, level(550));
+    assert_eq!(conformal.map(|conformal| conformal.radius), Ok(55.0));
     assert_eq!((100.0_f64 * 0.55).ceil(), 56.0);
 }
 

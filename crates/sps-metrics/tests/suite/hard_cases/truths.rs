@@ -95,12 +95,7 @@ fn one_sample_has_errors_but_no_own_mean() {
     let silent = naive::r2(&[4.0], &[5.0], 4.0);
     let about = value(&one.r2(training_mean(2.0)));
     within("one sample", about, 0.75, 0.0, silent);
-    let found = Intervals::of_models(Level::P95).interval(&[Scored {
-        metric: Metric::Mae,
-        samples: one,
-        units: None,
-        rerun: 0,
-    }]);
+    let found = Intervals::of_models(Level::P95).interval(&[Scored::new(Metric::Mae, one)]);
     assert_eq!(found, Err(IntervalError::OneUnit));
 }
 

@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release -p sps-regress --example estimate_touch`
 
-use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::kernel_ridge::KernelRidge;
 use sps_regress::nearest::Nearest;
-use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::ridge::Ridge;
 use sps_regress::stacking::Stacking;
 use sps_regress::{Embeddings, Plan, Readings, Regressor, Rerun, TrainingData};
 
@@ -35,12 +35,12 @@ fn main() -> sps_regress::Result<()> {
     let rerun = Rerun::new(0, 0..TRAINING);
     let plan = Plan::each(1, readings.properties(), vec![rerun]);
 
-    let ridge = || Ridge::new(RidgeConfig::default());
-    let kernel_ridge = || KernelRidge::new(KernelRidgeConfig::default());
-    let members: Vec<Box<dyn Regressor>> = vec![Box::new(ridge()?), Box::new(kernel_ridge()?)];
+    let (ridge, kernel_ridge) = (Ridge::default(), KernelRidge::default());
+    let members: Vec<Box<dyn Regressor>> =
+        vec![Box::new(ridge.clone()), Box::new(kernel_ridge.clone())];
     let regressors: [(&str, Box<dyn Regressor>); 4] = [
-        ("ridge", Box::new(ridge()?)),
-        ("kernel ridge", Box::new(kernel_ridge()?)),
+        ("ridge", Box::new(ridge)),
+        ("kernel ridge", Box::new(kernel_ridge)),
         ("nearest neighbour", Box::new(Nearest)),
         ("both ridges stacked", Box::new(Stacking::new(members, 5)?)),
     ];

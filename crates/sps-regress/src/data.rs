@@ -27,7 +27,6 @@ impl Embeddings {
     /// Takes the values of one surface after the other, those of a surface view by view.
     ///
     /// # Errors
-    ///
     /// No views, no width, another number of values than `[surfaces, views, width]` says, or a value
     /// that is not finite (the message names the surface).
     pub fn new(values: Vec<f32>, shape: [usize; 3]) -> Result<Self> {
@@ -63,7 +62,6 @@ impl Embeddings {
     /// The same, the features of each view made of blocks of these widths.
     ///
     /// # Errors
-    ///
     /// A block of no feature, widths that are not the whole together.
     pub fn in_blocks(self, widths: &[usize]) -> Result<Self> {
         if widths.contains(&0) || widths.iter().sum::<usize>() != self.width {
@@ -157,7 +155,6 @@ impl Embeddings {
     /// The given views of the given surfaces, in the order given.
     ///
     /// # Errors
-    ///
     /// A surface or view that is not there, or no view at all.
     pub fn select(&self, surfaces: &[usize], views: &[usize]) -> Result<Self> {
         check_indices("surface", surfaces, self.surfaces)?;
@@ -268,7 +265,6 @@ impl Readings {
     /// Takes one row per surface, each with one cell per property, in the order of `properties`.
     ///
     /// # Errors
-    ///
     /// No property, a property named twice, a row of another length, or a value that is not
     /// finite (the message names the surface and the property).
     pub fn new(properties: Vec<String>, rows: &[Vec<Option<f64>>]) -> Result<Self> {
@@ -333,7 +329,6 @@ impl Readings {
 /// Refuses the first index that is not below `count`; `what` says of what.
 ///
 /// # Errors
-///
 /// There is such an index.
 pub fn check_indices(what: &'static str, indices: &[usize], count: usize) -> Result<()> {
     match indices.iter().find(|&&index| index >= count) {

@@ -30,7 +30,6 @@ pub(crate) struct Group<'a> {
 /// What `fit` makes of each group, a model for each of its jobs, in the order of the plan's trials.
 ///
 /// # Errors
-///
 /// A plan that does not fit the data, a trial without fixed views, a property without a training
 /// reading, what `fit` says.
 pub(crate) fn fit_groups<T: Send>(

@@ -21,7 +21,7 @@ mod standardise;
 
 pub use data::{Embeddings, Readings, Spread, check_indices, places};
 pub use error::{Error, Result};
-pub use fitted::{Fitted, FittedModel};
+pub use fitted::Fitted;
 pub use pca::Pca;
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use regressor::{

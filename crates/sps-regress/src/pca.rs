@@ -32,7 +32,6 @@ impl Pca {
     /// none.
     ///
     /// # Errors
-    ///
     /// No rows, a value that is not finite, or a decomposition that did not converge.
     pub fn fit(rows: ArrayView2<'_, f64>, components: usize) -> Result<Self> {
         let refused =

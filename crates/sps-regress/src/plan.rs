@@ -53,7 +53,6 @@ impl<'a> TrainingData<'a> {
     /// Refuses tables of different numbers of surfaces.
     ///
     /// # Errors
-    ///
     /// There are such.
     pub fn check(&self) -> Result<()> {
         let surfaces = self.embeddings.surfaces();
@@ -152,7 +151,6 @@ impl Plan {
     /// a model that takes any number of fixed ones.
     ///
     /// # Errors
-    ///
     /// What does not fit; a property without a training reading.
     pub fn check(&self, views: Option<usize>, data: &TrainingData<'_>) -> Result<()> {
         data.check()?;
@@ -201,7 +199,6 @@ impl Plan {
     /// Refuses a checked plan with a trial that no validation surface says anything about.
     ///
     /// # Errors
-    ///
     /// There is such a trial.
     pub fn check_validation(&self, data: &TrainingData<'_>) -> Result<()> {
         for trial in &self.trials {

@@ -40,7 +40,6 @@ pub trait Regressor: Sync {
     /// the bits that it would have alone.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data or the estimator, what the estimator says, and a trial that
     /// comes to nothing: there is a model for every trial.
     fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>>;
@@ -120,7 +119,6 @@ impl AnyRegressor {
     /// The one of this kind.
     ///
     /// # Errors
-    ///
     /// Settings that it refuses.
     pub fn new(kind: RegressorKind, settings: &RegressorSettings) -> Result<Self> {
         Ok(match kind {
@@ -144,7 +142,6 @@ impl AnyRegressor {
     /// All that an estimate depends on beside the data, as JSON.
     ///
     /// # Errors
-    ///
     /// Settings that JSON cannot hold.
     pub fn settings(&self) -> serde_json::Result<serde_json::Value> {
         match self {
@@ -182,7 +179,6 @@ pub trait FittedRegressor: Send + Sync {
     /// trials. The views of `embeddings` are the ones to use, in the order of the trials' views.
     ///
     /// # Errors
-    ///
     /// Embeddings of another width or number of views than were fitted.
     fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>>;
 
@@ -199,7 +195,6 @@ pub trait FittedRegressor: Send + Sync {
     /// The models as the content of a file; the same models give the same bytes.
     ///
     /// # Errors
-    ///
     /// A number that is not finite, and models of a kind that is not kept.
     fn to_bytes(&self) -> Result<Vec<u8>>;
 
@@ -224,25 +219,7 @@ pub struct OtherKind {
 /// Reads what [`FittedRegressor::to_bytes`] gave of models of this [kind](FittedRegressor::kind), one of this
 /// crate or of `others`; `name` stands for the bytes in error messages.
 ///
-/// ```
-/// # use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData};
-/// use sps_regress::nearest::Nearest;
-/// use sps_regress::{Regressor, fitted_from_bytes};
-///
-/// # let embeddings = Embeddings::new(vec![1.0, 2.0], [2, 1, 1])?;
-/// # let readings = Readings::new(vec!["friction".into()], &[vec![Some(3.0)], vec![Some(4.0)]])?;
-/// # let data = TrainingData::new(&embeddings, &readings);
-/// # let rerun = Rerun::new(0, vec![0, 1]);
-/// # let plan = Plan::each(7, readings.properties(), vec![rerun]);
-/// let fitted = Nearest.fit(&data, &plan)?;
-/// let bytes = fitted.to_bytes()?;
-/// let read = fitted_from_bytes(fitted.kind(), "model.bin", &bytes, &[])?;
-/// assert_eq!(read.predict(&embeddings)?, fitted.predict(&embeddings)?);
-/// # Ok::<(), sps_regress::Error>(())
-/// ```
-///
 /// # Errors
-///
 /// A kind that there is not, and bytes that are not models of it.
 pub fn fitted_from_bytes(
     kind: &str,

@@ -10,9 +10,9 @@ use std::collections::HashMap;
 
 use fuzz::{Damage, broken, damaged, fuzz, nested, said};
 use safetensors::tensor::TensorView;
-use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::kernel_ridge::KernelRidge;
 use sps_regress::nearest::Nearest;
-use sps_regress::ridge::{Ridge, RidgeConfig, TrainedRidges};
+use sps_regress::ridge::Ridge;
 use sps_regress::stacking::Stacking;
 use sps_regress::{FittedRegressor, Regressor, fitted_from_bytes};
 use surfaces::Made;
@@ -20,11 +20,11 @@ use surfaces::Made;
 #[test]
 fn ridges() {
     let made = Made::new();
-    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let ridge = Ridge::default();
     let trained = ridge.train(&made.data(), &made.plan());
     let file = trained.unwrap().to_bytes().unwrap();
     let read = |bytes: &[u8]| {
-        if let Some(ridges) = said(TrainedRidges::from_bytes(bytes)) {
+        if let Some(ridges) = said(fitted_from_bytes("ridges", "file", bytes, &[])) {
             said(ridges.predict(&made.embeddings));
         }
     };
@@ -39,8 +39,8 @@ fn ridges() {
 fn archives() {
     let made = Made::new();
     let stacking = |members| Stacking::new(members, 2).unwrap();
-    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
-    let kernel = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let ridge = Ridge::default();
+    let kernel = KernelRidge::default();
     let stack = stacking(vec![
         Box::new(kernel.clone()),
         Box::new(stacking(vec![Box::new(ridge)])),

@@ -3,7 +3,7 @@ use crate::golden::uniform;
 use crate::nearest::Nearest;
 use crate::plan::{Plan, Rerun, TrainingData, Views};
 use crate::regressor::FittedRegressor;
-use crate::ridge::{Ridge, RidgeConfig};
+use crate::ridge::Ridge;
 
 /// Two views of two blocks, 2 and 3 wide, each of which is measured in units of its own.
 fn embeddings(units: [f32; 4]) -> Embeddings {
@@ -49,7 +49,7 @@ fn units_of_blocks_do_not_matter() {
     let estimates = |units| {
         let embeddings = embeddings(units);
         let data = TrainingData::new(&embeddings, &readings);
-        let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+        let ridge = Ridge::default();
         let ridge = ridge.train(&data, &plan).unwrap();
         let nearest = Nearest.train(&data, &plan).unwrap();
         [

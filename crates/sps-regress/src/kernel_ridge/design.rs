@@ -20,7 +20,6 @@ impl KernelRidge {
     /// Time grows with the number of surfaces squared, times `measured` and `count`; memory with its square.
     ///
     /// # Errors
-    ///
     /// An index of no surface; more surfaces than [`at_most`](super::KernelRidgeConfig::at_most).
     pub fn most_telling(
         &self,
@@ -96,21 +95,19 @@ mod tests {
         Embeddings::new(points.to_vec(), [points.len(), 1, 1]).unwrap()
     }
 
-    fn ridge() -> KernelRidge {
-        KernelRidge::new(KernelRidgeConfig::default()).unwrap()
-    }
-
     /// Three clusters: one of each before a second of any, the largest first.
     #[test]
     fn clusters_are_measured_in_turn() {
         let points = [0.0, 0.01, 0.02, 0.03, 5.0, 5.01, 5.02, 9.0, 9.01];
-        let chosen = ridge().most_telling(&embeddings(&points), &[], 3).unwrap();
+        let chosen = KernelRidge::default()
+            .most_telling(&embeddings(&points), &[], 3)
+            .unwrap();
         let cluster = |at: &usize| usize::from(points[*at] > 2.0) + usize::from(points[*at] > 7.0);
         let mut clusters: Vec<usize> = chosen.iter().map(cluster).collect();
         clusters.sort_unstable();
         assert_eq!(clusters, [0, 1, 2]);
         // What was measured is not asked for again.
-        let next = ridge().most_telling(&embeddings(&points), &chosen[..2], 1);
+        let next = KernelRidge::default().most_telling(&embeddings(&points), &chosen[..2], 1);
         assert_eq!(next.unwrap(), chosen[2..]);
     }
 
@@ -119,7 +116,7 @@ mod tests {
     #[test]
     fn steps_leave_the_covariance_of_a_gaussian_process() {
         let points = embeddings(&[0.0, 0.4, 1.0, 1.7, 2.1]);
-        let kernel = ridge().mean_kernel(&points);
+        let kernel = KernelRidge::default().mean_kernel(&points);
         let mut left = kernel.clone();
         measure(&mut left, 1);
         measure(&mut left, 3);
@@ -139,9 +136,13 @@ mod tests {
     #[test]
     fn no_more_than_there_are_are_chosen_and_too_many_are_refused() {
         let points = embeddings(&[0.0, 1.0, 2.0]);
-        let chosen = ridge().most_telling(&points, &[1], 10).unwrap();
+        let chosen = KernelRidge::default()
+            .most_telling(&points, &[1], 10)
+            .unwrap();
         assert_eq!(chosen.len(), 2);
-        let error = ridge().most_telling(&points, &[3], 1).unwrap_err();
+        let error = KernelRidge::default()
+            .most_telling(&points, &[3], 1)
+            .unwrap_err();
         assert!(error.to_string().contains("measured surfaces"), "{error}");
         let config = KernelRidgeConfig {
             at_most: 2,

@@ -28,7 +28,8 @@ pub(super) struct Spectrum {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fit {
     pub(super) intercept: f64,
-    /// Mean squared error when each part is left out; none of one surface alone.
+    /// Mean squared error when each part is left out; none of one surface alone. As the least of many, it
+    /// lies slightly below the error of a new one.
     pub(super) left_out_error: Option<f64>,
     /// None where the mean of the readings does best.
     pub(super) expansion: Option<Expansion>,

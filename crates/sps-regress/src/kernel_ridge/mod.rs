@@ -74,14 +74,13 @@ impl Default for KernelRidgeConfig {
 ///
 /// Several views: the mean of the views' kernels, the first compared with the first, and so on. One view: the
 /// weighted mean of its blocks' kernels, each with its own scale; [`Shape`] gives the weights.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct KernelRidge(KernelRidgeConfig);
 
 impl KernelRidge {
     /// Checks a configuration.
     ///
     /// # Errors
-    ///
     /// No penalty or kernel, a penalty or width that is not above zero, a leaning that is not finite, linear kernels
     /// among others; no surface to stand on.
     pub fn new(config: KernelRidgeConfig) -> Result<Self> {
@@ -119,7 +118,6 @@ impl KernelRidge {
     /// depends on its own data alone.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data, a trial without fixed views, a property without a
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedKernelRidges> {
@@ -224,22 +222,9 @@ pub struct TrainedKernelRidge {
 }
 
 impl TrainedKernelRidge {
-    /// The penalty that was chosen, in the units of [`KernelRidgeConfig::penalties`]; `None` where
-    /// the mean of the training readings is the estimate.
-    pub fn penalty(&self) -> Option<f64> {
-        self.fit.expansion.as_ref().map(|e| e.penalty)
-    }
-
-    /// The kernel that was chosen; `None` where the mean of the training readings is the estimate.
-    pub fn shape(&self) -> Option<Shape> {
+    /// The kernel that was chosen.
+    fn shape(&self) -> Option<Shape> {
         self.fit.expansion.as_ref().map(|e| e.shape)
-    }
-
-    /// Mean squared error, in squared measured units, of each training surface or unit when it is left out,
-    /// with the kernel and penalty that were chosen; `None` of a single surface. As the least of many, it lies
-    /// slightly below the error of a new one.
-    pub fn left_out_error(&self) -> Option<f64> {
-        self.fit.left_out_error
     }
 }
 

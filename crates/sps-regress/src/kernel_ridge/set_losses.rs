@@ -48,7 +48,6 @@ impl SetLosses {
     /// pool.
     ///
     /// # Errors
-    ///
     /// A configuration that [`KernelRidge::new`] refuses, tables that do not fit each other, no training surface or one twice, a
     /// surface or property that is not in the tables, a property without a training reading.
     pub fn new(
@@ -95,7 +94,6 @@ impl SetLosses {
     /// the set does not matter; a view may be in it several times.
     ///
     /// # Errors
-    ///
     /// No view, or one that is not there.
     pub fn losses(&self, set: &[usize]) -> Result<Vec<f64>> {
         check_indices("view of a set", set, self.views)?;
@@ -225,9 +223,9 @@ mod tests {
             for views in [&[2][..], &[3, 0], &[1, 0, 1], &[0, 1, 2, 3]] {
                 let trained = set.train(&config, 30, views).unwrap();
                 let found = losses.losses(views).unwrap();
-                for ((found, ridge), column) in found.iter().zip(trained.models()).zip(&columns) {
+                for ((found, ridge), column) in found.iter().zip(&trained.0).zip(&columns) {
                     let values: Vec<f64> = column[..30].iter().flatten().copied().collect();
-                    let expected = ridge.left_out_error().unwrap() / variance(&values);
+                    let expected = ridge.fit.left_out_error.unwrap() / variance(&values);
                     assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
                 }
                 let turned: Vec<usize> = views.iter().rev().copied().collect();

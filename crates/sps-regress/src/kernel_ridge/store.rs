@@ -64,29 +64,42 @@ struct Chosen {
 
 pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
     for TrainedKernelRidge { fit, support, .. } in models {
-        let numbers = fit.left_out_error.iter().chain(&support.scales).chain(
-            fit.expansion
-                .iter()
-                .flat_map(|expansion| &expansion.coefficients),
-        );
-        check_finite(FILE.what, numbers.copied().chain([fit.intercept]))?;
+        let coefficients = fit.expansion.iter().flat_map(|e| &e.coefficients);
+        let numbers = fit.left_out_error.iter().chain(&support.scales);
+        let numbers = numbers.chain(coefficients).chain([&fit.intercept]);
+        check_finite(FILE.what, numbers.copied())?;
     }
+    let sharing = Sharing::of(models);
+    let stored = |ridge: &TrainedKernelRidge| {
+        let mut supports = sharing.iter().map(|one| one.support);
+        let support = supports.position(|one| Arc::ptr_eq(one, &ridge.support));
+        let usual = usual(ridge.support.proximity);
+        Stored {
+            trial: ridge.trial.clone(),
+            support: support.unwrap_or_default(),
+            intercept: ridge.fit.intercept,
+            left_out_error: ridge.fit.left_out_error,
+            expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
+                kernel: Some(expansion.shape.kernel).filter(|kernel| *kernel != usual),
+                width: expansion.shape.width,
+                leaning: expansion.shape.leaning,
+                penalty: expansion.penalty,
+            }),
+        }
+    };
     let mut metadata = Metadata {
         format: FILE.format,
         supports: Vec::new(),
-        ridges: models.iter().map(Stored::of).collect(),
+        ridges: models.iter().map(stored).collect(),
     };
     let mut contents = Vec::new();
-    for (at, sharing) in Sharing::of(models).iter().enumerate() {
+    for (at, sharing) in sharing.iter().enumerate() {
         let support = sharing.support;
         metadata.supports.push(StoredSupport {
             kernel: usual(support.proximity),
             scales: support.scales.clone(),
             blocks: stored_blocks([&support.embeddings].into_iter()),
         });
-        for &ridge in &sharing.ridges {
-            metadata.ridges[ridge].support = at;
-        }
         let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
         let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
         let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
@@ -99,58 +112,22 @@ pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedKernelRidge>> {
     let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
     // Two for each set of training surfaces.
     contents.check_count(2 * metadata.supports.len())?;
-    let mut supports = Vec::with_capacity(metadata.supports.len());
-    for (at, support) in metadata.supports.into_iter().enumerate() {
-        supports.push(read_support(&contents, at, support)?);
-    }
+    let supports = metadata.supports.into_iter().enumerate();
+    let supports = supports.map(|(at, stored)| read_support(&contents, at, stored));
+    let mut supports = supports.collect::<Result<Vec<_>>>()?;
     let mut ridges = Vec::with_capacity(metadata.ridges.len());
     for stored in metadata.ridges {
         let Some((support, usual, rows)) = supports.get_mut(stored.support) else {
             let found = format_args!("training surfaces {}", stored.support);
             return Err(FILE.refused(found, "some that are there"));
         };
-        ridges.push(stored.with(support, *usual, rows)?);
-    }
-    if supports
-        .iter_mut()
-        .any(|(_, _, rows)| rows.next().is_some())
-    {
-        return Err(FILE.refused("coefficients of no regression", "none such"));
-    }
-    Ok(ridges)
-}
-
-impl Stored {
-    /// Its training surfaces are still to be named.
-    fn of(ridge: &TrainedKernelRidge) -> Self {
-        Self {
-            trial: ridge.trial.clone(),
-            support: 0,
-            intercept: ridge.fit.intercept,
-            left_out_error: ridge.fit.left_out_error,
-            expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
-                kernel: Some(expansion.shape.kernel)
-                    .filter(|kernel| *kernel != usual(ridge.support.proximity)),
-                width: expansion.shape.width,
-                leaning: expansion.shape.leaning,
-                penalty: expansion.penalty,
-            }),
-        }
-    }
-
-    fn with(
-        self,
-        support: &Arc<Support>,
-        usual: Kernel,
-        rows: &mut Rows,
-    ) -> Result<TrainedKernelRidge> {
-        let expansion = |chosen: Chosen| {
-            positive("width", chosen.width)?;
+        let expansion = stored.expansion.map(|chosen| {
             let shape = Shape {
-                kernel: chosen.kernel.unwrap_or(usual),
+                kernel: chosen.kernel.unwrap_or(*usual),
                 width: chosen.width,
                 leaning: chosen.leaning,
             };
+            positive("width", shape.width)?;
             if Proximity::of(&[shape]) != support.proximity {
                 return Err(FILE.refused("a linear kernel among others", "none such"));
             }
@@ -160,17 +137,22 @@ impl Stored {
                 penalty: chosen.penalty,
                 coefficients: rows.next().ok_or_else(missing)?,
             })
-        };
-        Ok(TrainedKernelRidge {
+        });
+        ridges.push(TrainedKernelRidge {
+            trial: stored.trial,
             fit: Fit {
-                intercept: self.intercept,
-                left_out_error: self.left_out_error,
-                expansion: self.expansion.map(expansion).transpose()?,
+                intercept: stored.intercept,
+                left_out_error: stored.left_out_error,
+                expansion: expansion.transpose()?,
             },
-            trial: self.trial,
             support: Arc::clone(support),
-        })
+        });
     }
+    let mut rows = supports.iter_mut().map(|(_, _, rows)| rows);
+    if rows.any(|rows| rows.next().is_some()) {
+        return Err(FILE.refused("coefficients of no regression", "none such"));
+    }
+    Ok(ridges)
 }
 
 /// Training surfaces, the kernel of regressions that say no other, and the rows of coefficients that belong to

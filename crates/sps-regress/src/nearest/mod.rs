@@ -29,7 +29,6 @@ impl Nearest {
     /// Keeps the training surfaces of every trial of the plan.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data, a trial without fixed views, a property without a
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedNearests> {

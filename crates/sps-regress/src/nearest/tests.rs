@@ -16,7 +16,7 @@ fn fitted(properties: [[Option<f64>; 5]; 2]) -> Result<TrainedNearests> {
     Nearest.train(&data, &plan.with_views(&Views::Fixed(vec![1, 0])))
 }
 
-fn predict(nearests: &TrainedNearests, places: &[f32]) -> Vec<Vec<f64>> {
+fn predict(nearests: &dyn FittedRegressor, places: &[f32]) -> Vec<Vec<f64>> {
     let values = places.iter().flat_map(|&x| [2.0 * x, 0.5, x, 0.5]);
     let embeddings = Embeddings::new(values.collect(), [places.len(), 2, 2]).unwrap();
     let estimates = nearests.predict(&embeddings).unwrap();
@@ -33,28 +33,9 @@ fn the_nearest_surface_with_a_reading_answers() {
     assert_eq!(found[0], [10.0, 10.0, 11.0, 11.0, 11.0, 14.0, 14.0]);
     assert_eq!(found[1], [20.0, 20.0, 22.0, 22.0, 22.0, 22.0, 22.0]);
     assert_eq!(nearests.multiply_adds(), 4 * 4 + 2 * 4);
-    let second = nearests.filter(|trial| trial.property == "b");
-    assert_eq!(second.models()[0].trial().rerun, 4);
-    assert_eq!(predict(&second, &[0.6, 90.0]), [[22.0, 22.0]]);
-}
-
-#[test]
-fn a_file_gives_back_the_same_surfaces() {
-    let a = [10.0, 11.0, 12.0, 13.0, 14.0].map(Some);
-    let b = [Some(20.0), None, Some(22.0), Some(23.0), None];
-    // Those of one property, of two on other surfaces each, and of two on the same.
-    let nearests = fitted([a, b]).unwrap();
-    let one = nearests.filter(|trial| trial.property == "b");
-    for nearests in [one, nearests, fitted([a, a]).unwrap()] {
-        let bytes = nearests.to_bytes().unwrap();
-        let again = TrainedNearests::from_bytes(&bytes).unwrap();
-        assert_eq!(again, nearests);
-        assert_eq!(again.multiply_adds(), nearests.multiply_adds());
-        assert_eq!(again.to_bytes().unwrap(), bytes);
-        for length in 0..bytes.len() {
-            assert!(TrainedNearests::from_bytes(&bytes[..length]).is_err());
-        }
-    }
+    let second = nearests.filtered(&|trial| trial.property == "b");
+    assert_eq!(second.trials()[0].rerun, 4);
+    assert_eq!(predict(second.as_ref(), &[0.6, 90.0]), [[22.0, 22.0]]);
 }
 
 #[test]

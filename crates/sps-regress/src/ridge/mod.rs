@@ -1,7 +1,7 @@
 //! Ridge regression from embeddings to tactile values: the honest floor under every network.
 //!
 //! ```
-//! use sps_regress::ridge::{Ridge, RidgeConfig};
+//! use sps_regress::ridge::Ridge;
 //! use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData};
 //!
 //! // One feature, and a reading that is a line in it.
@@ -12,8 +12,7 @@
 //! let rerun = Rerun::new(0, vec![0, 1, 3, 4]);
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
-//! let trained = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
-//! assert_eq!(trained.models()[0].penalty(), 0.01); // the least of those tried
+//! let trained = Ridge::default().train(&data, &plan)?;
 //! let estimates = trained.predict(&embeddings.select(&[2], &[0])?)?;
 //! assert!((estimates[0].values[0] - 30.0).abs() < 1e-3);
 //! # Ok::<(), sps_regress::Error>(())
@@ -59,14 +58,13 @@ impl Default for RidgeConfig {
 /// Several views of a surface enter side by side, and so do the blocks of embeddings, each scaled to a mean
 /// variance of 1. The features are turned to their principal axes,
 /// where every penalty's fit and errors have a closed form.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ridge(RidgeConfig);
 
 impl Ridge {
     /// Checks a configuration.
     ///
     /// # Errors
-    ///
     /// No penalty, or one that is not above zero.
     pub fn new(config: RidgeConfig) -> Result<Self> {
         check_positive("ridge penalties", &config.penalties)?;
@@ -82,7 +80,6 @@ impl Ridge {
     /// depends on its own data alone.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data, a trial without fixed views, a property without a
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
@@ -100,6 +97,7 @@ impl Ridge {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct TrainedRidge {
     trial: Trial,
+    /// The one that was chosen, in the units of [`RidgeConfig::penalties`].
     penalty: f64,
     intercept: f64,
     /// `(views x width)`.
@@ -110,11 +108,6 @@ pub struct TrainedRidge {
 pub type TrainedRidges = Fitted<TrainedRidge>;
 
 impl TrainedRidge {
-    /// The penalty that was chosen, in the units of [`RidgeConfig::penalties`].
-    pub fn penalty(&self) -> f64 {
-        self.penalty
-    }
-
     /// One estimate per surface.
     fn predict(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
         if embeddings.views() * embeddings.width() != self.weights.len() {

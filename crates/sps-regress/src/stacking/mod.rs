@@ -39,7 +39,6 @@ impl Stacking {
     /// Takes the members, and the number of parts that the training units are dealt into.
     ///
     /// # Errors
-    ///
     /// No member or more than 4, one that [needs a validation part](Regressor::needs_validation),
     /// as the folds name none; fewer than 2 folds.
     pub fn new(members: Vec<Box<dyn Regressor>>, folds: usize) -> Result<Self> {
@@ -62,7 +61,6 @@ impl Stacking {
     /// trial's fit has the bits that it would have alone.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data, a trial without fixed views, a rerun whose number is too
     /// large to number its folds, what the members say.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedStacks> {
@@ -195,9 +193,10 @@ impl Folds {
 /// The weights of the members for one trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct TrainedStack {
+struct TrainedStack {
     trial: Trial,
     mean: f64,
+    /// Of each member, in the order of [`Stacking::new`].
     weights: Vec<f64>,
 }
 
@@ -233,16 +232,6 @@ impl TrainedStack {
             weights: nonnegative_least_squares(&columns, &target),
         }
     }
-
-    /// What it was fitted for.
-    pub fn trial(&self) -> &Trial {
-        &self.trial
-    }
-
-    /// The weight of each member, in the order of [`Stacking::new`].
-    pub fn weights(&self) -> &[f64] {
-        &self.weights
-    }
 }
 
 /// Fitted stacks.
@@ -252,26 +241,9 @@ pub struct TrainedStacks {
     members: Vec<Box<dyn FittedRegressor>>,
 }
 
-impl TrainedStacks {
-    /// The stacks, in the order of the plan.
-    pub fn stacks(&self) -> &[TrainedStack] {
-        &self.stacks
-    }
-
-    /// The stacks for which `keep` says so.
-    #[must_use]
-    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
-        let kept = self.stacks.iter().filter(|stack| keep(&stack.trial));
-        Self {
-            stacks: kept.cloned().collect(),
-            members: self.members.iter().map(|m| m.filtered(&keep)).collect(),
-        }
-    }
-}
-
 impl FittedRegressor for TrainedStacks {
     fn trials(&self) -> Vec<&Trial> {
-        self.stacks.iter().map(TrainedStack::trial).collect()
+        self.stacks.iter().map(|stack| &stack.trial).collect()
     }
 
     fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
@@ -296,7 +268,11 @@ impl FittedRegressor for TrainedStacks {
     }
 
     fn filtered(&self, keep: &dyn Fn(&Trial) -> bool) -> Box<dyn FittedRegressor> {
-        Box::new(self.filter(keep))
+        let kept = self.stacks.iter().filter(|stack| keep(&stack.trial));
+        Box::new(Self {
+            stacks: kept.cloned().collect(),
+            members: self.members.iter().map(|m| m.filtered(keep)).collect(),
+        })
     }
 
     fn multiply_adds(&self) -> u64 {

@@ -95,11 +95,9 @@ fn read_member(
     let bytes = contents.bytes(&at.to_string())?;
     let kind = &metadata.members[at];
     let member = fitted_within(metadata.depth - 1, kind, &name, bytes, others)?;
-    let weighted = metadata
-        .stacks
-        .iter()
-        .filter(|stack| stack.weights[at] > 0.0);
-    let expected: Vec<&Trial> = weighted.map(TrainedStack::trial).collect();
+    let weighted = metadata.stacks.iter();
+    let weighted = weighted.filter(|stack| stack.weights[at] > 0.0);
+    let expected: Vec<&Trial> = weighted.map(|stack| &stack.trial).collect();
     let found = member.trials();
     if found != expected {
         return Err(FILE.refused(

@@ -9,7 +9,7 @@ fn one_surface_is_its_own_mean() {
         let config = config(kernel, &[0.1], &[1.0]);
         let trained = set.train(&config, 3, &[0]).unwrap();
         assert_eq!(estimates(&trained, &set.embeddings), [7.0; 3]);
-        assert_eq!(trained.models()[0].left_out_error(), None);
+        assert_eq!(trained.0[0].fit.left_out_error, None);
     }
 }
 
@@ -61,10 +61,10 @@ fn gaps_are_left_out() {
         reruns: vec![Rerun::new(0, 6..30)],
         ..set.plan(30, &[0])
     };
-    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let ridge = KernelRidge::default();
     let without = ridge.train(&set.data(), &plan).unwrap();
-    assert_eq!(trained.models()[1], without.models()[1]);
-    assert_ne!(trained.models()[0].fit, without.models()[0].fit);
+    assert_eq!(trained.0[1], without.0[1]);
+    assert_ne!(trained.0[0].fit, without.0[0].fit);
 }
 
 #[test]
@@ -87,26 +87,8 @@ fn what_does_not_fit_is_refused() {
     assert!(error.to_string().contains("2 views of width 3"), "{error}");
     let mut plan = set.plan(20, &[0]);
     plan.trials[0].views = Views::Random;
-    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let ridge = KernelRidge::default();
     assert!(ridge.train(&set.data(), &plan).is_err());
-}
-
-#[test]
-fn stored_regressions_are_what_they_were() {
-    let shape = (30, 2, 4);
-    let mut gaps = smooth(shape);
-    gaps[0] = None;
-    let columns = [smooth(shape), column("kernel.noise", 30), gaps];
-    let set = Set::new(shape, &columns);
-    let trained = set.train(&KernelRidgeConfig::default(), 25, &[0, 1]);
-    let trained = trained.unwrap();
-    let bytes = trained.to_bytes().unwrap();
-    let again = TrainedKernelRidges::from_bytes(&bytes).unwrap();
-    assert_eq!(trained, again);
-    assert_eq!(again.to_bytes().unwrap(), bytes);
-    for length in 0..bytes.len() {
-        assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
-    }
 }
 
 /// Readings whose mean leaves f64, and such whose squares do.
@@ -120,7 +102,7 @@ fn numbers_that_are_not_finite_cannot_be_stored() {
         let stored = set.train(&config, 5, &[0]).unwrap().to_bytes();
         let message = stored.unwrap_err().to_string();
         assert!(message.contains("finite"), "{message}");
-        let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+        let ridge = Ridge::default();
         let trained = ridge.train(&set.data(), &set.plan(5, &[0])).unwrap();
         if reading == f64::MAX {
             let message = trained.to_bytes().unwrap_err().to_string();

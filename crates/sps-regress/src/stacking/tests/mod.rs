@@ -6,9 +6,9 @@ use super::*;
 use crate::data::Readings;
 use crate::golden::uniform;
 
-use crate::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use crate::kernel_ridge::KernelRidge;
 use crate::nearest::Nearest;
-use crate::ridge::{Ridge, RidgeConfig};
+use crate::ridge::Ridge;
 
 /// Surfaces whose feature 0 is the reading of `seen`; `noise` is in no feature.
 struct Set {
@@ -121,8 +121,8 @@ fn refused<T>(outcome: Result<T>, expected: &str) {
 
 fn three() -> Stacking {
     let members: Vec<Box<dyn Regressor>> = vec![
-        Box::new(Ridge::new(RidgeConfig::default()).unwrap()),
-        Box::new(KernelRidge::new(KernelRidgeConfig::default()).unwrap()),
+        Box::new(Ridge::default()),
+        Box::new(KernelRidge::default()),
         Box::new(Nearest),
     ];
     Stacking::new(members, 4).unwrap()
@@ -137,7 +137,7 @@ fn a_perfect_member_has_all_the_weight() {
     let mut plan = set.plan(1);
     plan.trials.truncate(1);
     let stacks = stacking.train(&set.data(), &plan).unwrap();
-    let weights = stacks.stacks()[0].weights();
+    let weights = &stacks.stacks[0].weights;
     let all = weights[0].abs() < 1e-12 && (weights[1] - 1.0).abs() < 1e-12;
     assert!(all, "{weights:?}");
     let estimates = stacks.predict(&set.embeddings).unwrap();
@@ -149,12 +149,12 @@ fn a_perfect_member_has_all_the_weight() {
 #[test]
 fn what_cannot_be_predicted_gets_the_mean() {
     let set = Set::new(30);
-    let kernel = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let kernel = KernelRidge::default();
     // It says the contrary of what is: a weight below zero would fit.
     let contrary = Rule::new(|x| f64::from(-x[0]));
     let stacking = Stacking::new(vec![Box::new(contrary), Box::new(kernel)], 4).unwrap();
     let stacks = stacking.train(&set.data(), &set.plan(1)).unwrap();
-    assert_eq!(stacks.stacks()[0].weights()[0], 0.0);
+    assert_eq!(stacks.stacks[0].weights[0], 0.0);
     let mut plan = set.plan(1);
     plan.trials.remove(0);
     let rule = Rule::new(|_| 1e3);
@@ -210,9 +210,9 @@ fn company_changes_nothing() {
             ..plan
         };
         let alone = three().train(&set.data(), &alone).unwrap();
-        assert_eq!(alone.stacks(), &all.stacks()[at..=at]);
+        assert_eq!(alone.stacks, all.stacks[at..=at]);
         assert_eq!(alone.predict(&set.embeddings).unwrap(), estimates[at..=at]);
-        let kept = all.filter(|other| other == trial);
+        let kept = all.filtered(&|other| other == trial);
         assert_eq!(kept.predict(&set.embeddings).unwrap(), estimates[at..=at]);
     }
 }
@@ -223,8 +223,8 @@ fn hard_cases() {
     // One unit: nothing can be held out, and the mean is what is left.
     let stacks = three().train(&set.data().with_units(&[7; 40]), &set.plan(1));
     let stacks = stacks.unwrap();
-    let mut all = stacks.stacks().iter();
-    assert!(all.all(|stack| stack.weights() == [0.0; 3]));
+    let mut all = stacks.stacks.iter();
+    assert!(all.all(|stack| stack.weights == [0.0; 3]));
     assert_eq!(stacks.multiply_adds(), 0);
     let odd = set.data().with_units(&[1]);
     refused(three().train(&odd, &set.plan(1)), "units");

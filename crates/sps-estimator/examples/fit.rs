@@ -10,7 +10,7 @@ use sps_estimator::{
 };
 use sps_metrics::Level;
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::ridge::Ridge;
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
 const SIDE: usize = 48;
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let units = Units::of(&(0..SURFACES).map(surface).collect::<Vec<_>>());
 
-    let ridge = AnyRegressor::Ridge(Ridge::new(RidgeConfig::default())?);
+    let ridge = AnyRegressor::Ridge(Ridge::default());
     let calibration = Calibration {
         share: Some(0.3),
         level: Level::P90,

@@ -1,6 +1,6 @@
 //! An encoder together with the way photographs are prepared for it.
 
-use std::borrow::Cow;
+use std::borrow::{Borrow, Cow};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,6 @@ impl Network {
     /// The encoder, where it is one of those that the project knows by name.
     ///
     /// # Errors
-    ///
     /// A network from elsewhere, or none.
     pub fn encoder(&self) -> Result<&Encoder> {
         match self {
@@ -136,7 +135,6 @@ impl Embedder {
     /// shorter side is brought to that; the square in the middle is what it sees.
     ///
     /// # Errors
-    ///
     /// A size of no pixel, sequences of no image, a network that gives numbers that are not finite.
     pub fn new(network: Network, resize: Option<usize>) -> Result<Self> {
         let resize = match &network {
@@ -220,20 +218,10 @@ impl Embedder {
     /// network of sequences each is one sequence, its images one below the other.
     ///
     /// # Errors
-    ///
     /// A photograph that is too small for the network or lacks pixels; an embedding that is not finite.
-    pub fn embed(&self, frames: &[Frame]) -> Result<Vec<f32>> {
-        self.embed_each(&frames.iter().collect::<Vec<_>>())
-    }
-
-    /// As [`Embedder::embed`], of photographs that lie apart.
-    ///
-    /// # Errors
-    ///
-    /// As [`Embedder::embed`].
-    pub fn embed_each(&self, frames: &[&Frame]) -> Result<Vec<f32>> {
+    pub fn embed<F: Borrow<Frame>>(&self, frames: &[F]) -> Result<Vec<f32>> {
         let mut by_size: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        let prepared = frames.iter().map(|frame| self.prepared(frame));
+        let prepared = frames.iter().map(|frame| self.prepared(frame.borrow()));
         let prepared = prepared.collect::<Result<Vec<_>>>()?;
         for (index, images) in prepared.iter().enumerate() {
             let size = [images.height / self.network.frames(), images.width];
@@ -263,7 +251,6 @@ impl Embedder {
     /// one below the other.
     ///
     /// # Errors
-    ///
     /// A frame that lacks pixels, or is not of as many images as a sequence has.
     pub fn prepared<'f>(&self, frame: &'f Frame) -> Result<Cow<'f, Frame>> {
         let count = self.network.frames();
@@ -300,7 +287,6 @@ impl Embedder {
     /// depths.
     ///
     /// # Errors
-    ///
     /// Another number of values, or one that is not finite.
     pub fn table(&self, values: &[f32], surfaces: usize, views: usize) -> Result<Embeddings> {
         let table = Embeddings::new(values.to_vec(), [surfaces, views, self.width()])?;
@@ -321,16 +307,12 @@ impl Embedder {
 /// The photographs in a folder, by name: PNG, JPEG and EXR.
 ///
 /// # Errors
-///
 /// A folder that cannot be read, or holds none.
 pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let failed = |error| Error::File {
-        path: folder.to_owned(),
-        error,
-    };
+    let failed = Error::file(folder);
     let (mut photographs, mut folders) = (Vec::new(), 0);
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+    for entry in fs::read_dir(folder).map_err(&failed)? {
+        let path = entry.map_err(&failed)?.path();
         if path.is_dir() {
             folders += 1;
         } else if photograph_ending(&path).is_some() {
@@ -354,7 +336,6 @@ pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Reads a photograph, its shorter side brought to so many pixels where any are given.
 ///
 /// # Errors
-///
 /// What [`read_image`] says.
 pub fn read_photograph(
     path: &Path,

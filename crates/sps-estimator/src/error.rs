@@ -81,6 +81,14 @@ impl Error {
         }
     }
 
+    /// What is wrong with reading or writing a file.
+    pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |error| Self::File {
+            path: path.to_owned(),
+            error,
+        }
+    }
+
     pub(crate) fn artefact(path: &Path, problem: impl fmt::Display) -> Self {
         Self::Artefact {
             path: path.to_owned(),

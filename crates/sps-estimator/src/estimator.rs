@@ -147,7 +147,6 @@ impl Estimator {
     /// Takes an embedder, and what was fitted to its embeddings.
     ///
     /// # Errors
-    ///
     /// Embeddings of another width than were fitted, another number of angles than views, a frame
     /// without pixels.
     pub fn new(embedder: Embedder, fitted: Fitted, about: About) -> Result<Self> {
@@ -195,7 +194,6 @@ impl Estimator {
     /// of the surface among those that were fitted.
     ///
     /// # Errors
-    ///
     /// What `shown` says.
     pub fn with_shown<E>(
         mut self,
@@ -241,7 +239,6 @@ impl Estimator {
     /// Reads a photograph as the model was taught to, and brings it to its scale.
     ///
     /// # Errors
-    ///
     /// What [`read_photograph`] says.
     pub fn read(&self, path: &Path, scale: Scale) -> Result<Frame> {
         let (decode, shorter_side) = (&self.about.decode, self.shorter_side(scale));
@@ -252,7 +249,6 @@ impl Estimator {
     /// [`Estimator::read`] makes of the file, within limits of the caller.
     ///
     /// # Errors
-    ///
     /// What [`decode_image_resized`] says.
     pub fn decode(&self, bytes: &[u8], limits: Limits, scale: Scale) -> Result<Frame> {
         let decode = DecodeSettings {
@@ -269,7 +265,6 @@ impl Estimator {
     /// Brings a photograph that is in memory to the model's scale.
     ///
     /// # Errors
-    ///
     /// A photograph without its pixels, or one that becomes too large.
     pub fn rescale(&self, photograph: Frame, scale: Scale) -> Result<Frame> {
         Ok(match self.shorter_side(scale) {
@@ -297,7 +292,6 @@ impl Estimator {
     /// them; where too few units calibrate for that there is none ([`Answer::no_interval`]).
     ///
     /// # Errors
-    ///
     /// No photograph, another number than the model takes, what the encoder says.
     pub fn predict(&self, photographs: &[Frame]) -> Result<Answer> {
         let values = self.embedder.embed(photographs)?;
@@ -307,7 +301,6 @@ impl Estimator {
     /// As [`Estimator::predict`], from the embeddings of so many photographs, `(photographs, width)`.
     ///
     /// # Errors
-    ///
     /// As [`Estimator::predict`].
     pub fn predict_embedded(&self, values: &[f32], photographs: usize) -> Result<Answer> {
         if photographs == 0 {
@@ -329,7 +322,6 @@ impl Estimator {
     /// their embeddings, `(surfaces, views, width)`.
     ///
     /// # Errors
-    ///
     /// As [`Estimator::predict`].
     pub fn predict_all(
         &self,

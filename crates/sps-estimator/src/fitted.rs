@@ -5,13 +5,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 use sps_metrics::{Level, PredictionInterval};
-use sps_regress::{Embeddings, FittedRegressor};
+use sps_regress::{Embeddings, FittedRegressor, Standardiser};
 
 use crate::error::{Error, Result};
 use crate::novelty::Familiar;
 use crate::radius::level_of_each;
 use crate::recipe::Wanted;
-use crate::step::{Expected, Step};
 
 /// A fitted model without its encoder.
 pub struct Fitted {
@@ -153,54 +152,130 @@ impl Measure {
     }
 }
 
-pub(crate) struct Stage {
+/// What looks at so many views: fitted models, or what a file says in their place.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Stage<M = Box<dyn FittedRegressor>> {
     pub views: usize,
-    pub groups: Vec<Group>,
+    pub groups: Vec<Group<M>>,
 }
 
 /// Properties that look at the same views.
-pub(crate) struct Group {
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Group<M = Box<dyn FittedRegressor>> {
     /// Their places.
     pub properties: Vec<usize>,
     /// The views, by their places among those that are asked with.
     pub slots: Vec<usize>,
-    pub step: Step,
-    /// What gives values where `step` learned from a part of the surfaces: the same regression, fitted
-    /// to all of them. Intervals are those of `step`, which has not seen the surfaces that calibrate.
-    pub whole: Option<Box<dyn FittedRegressor>>,
+    /// One for each property, in their order.
+    pub models: M,
+    /// Of their errors; none where all are alike.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub errors: Option<M>,
+    /// What gives values where `models` learned from a part of the surfaces: the same regression, fitted
+    /// to all of them. Intervals are those of `models`, which have not seen the surfaces that calibrate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub whole: Option<M>,
+    /// What each expected error is at least.
+    pub least_errors: Vec<f64>,
+}
+
+/// An estimate and the error to expect of it, both in the property's measured units; an expected
+/// error is above 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Expected {
+    pub value: f64,
+    pub error: f64,
+}
+
+impl<M> Stage<M> {
+    /// With what `change` makes of the models of each group, by a name for them.
+    pub(crate) fn with<N>(
+        &self,
+        mut change: impl FnMut(&Group<M>, String, &M) -> Result<N>,
+    ) -> Result<Stage<N>> {
+        let groups = self.groups.iter().enumerate().map(|(at, group)| {
+            let mut changed = |what: &str, models: &M| {
+                let name = format!("{what}-{}-{at}", self.views);
+                change(group, name, models)
+            };
+            let errors = group.errors.as_ref();
+            let whole = group.whole.as_ref();
+            Ok(Group {
+                properties: group.properties.clone(),
+                slots: group.slots.clone(),
+                models: changed("models", &group.models)?,
+                errors: errors.map(|models| changed("errors", models)).transpose()?,
+                whole: whole.map(|models| changed("whole", models)).transpose()?,
+                least_errors: group.least_errors.clone(),
+            })
+        });
+        Ok(Stage {
+            views: self.views,
+            groups: groups.collect::<Result<_>>()?,
+        })
+    }
 }
 
 impl Stage {
-    /// The estimates of every property, in their order, for each surface; `embeddings` are those of the
-    /// stage's views.
-    pub(crate) fn expected(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
+    /// What `group` says of each of its properties from its views, in the order of all properties;
+    /// `embeddings` are those of the stage's views.
+    fn of_groups<T: Default>(
+        &self,
+        embeddings: &Embeddings,
+        group: impl Fn(&Group, &Embeddings) -> Result<Vec<T>>,
+    ) -> Result<Vec<T>> {
         let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
         let count = self.groups.iter().map(|group| group.properties.len()).sum();
-        let mut all = vec![Vec::new(); count];
-        for group in &self.groups {
-            let embeddings = embeddings.select(&surfaces, &group.slots)?;
-            let expected = group.step.predict(&embeddings)?;
-            for (&property, expected) in group.properties.iter().zip(expected) {
-                all[property] = expected;
+        let mut all: Vec<T> = (0..count).map(|_| T::default()).collect();
+        for one in &self.groups {
+            let embeddings = embeddings.select(&surfaces, &one.slots)?;
+            for (&property, said) in one.properties.iter().zip(group(one, &embeddings)?) {
+                all[property] = said;
             }
         }
         Ok(all)
     }
 
+    /// The estimates of every property, for each surface.
+    pub(crate) fn expected(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
+        self.of_groups(embeddings, Group::expected)
+    }
+
     /// The values of every property that are not those of [`Stage::expected`], for each surface.
     fn values(&self, embeddings: &Embeddings) -> Result<Vec<Option<Vec<f64>>>> {
-        let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
-        let count = self.groups.iter().map(|group| group.properties.len()).sum();
-        let mut all = vec![None; count];
-        for group in &self.groups {
-            let Some(whole) = &group.whole else { continue };
-            let embeddings = embeddings.select(&surfaces, &group.slots)?;
-            let estimates = whole.predict(&embeddings)?;
-            for (&property, estimates) in group.properties.iter().zip(estimates) {
-                all[property] = Some(estimates.values);
-            }
-        }
-        Ok(all)
+        self.of_groups(embeddings, |group, embeddings| {
+            let estimates = group.whole.as_ref().map(|whole| whole.predict(embeddings));
+            let estimates = estimates.transpose()?.into_iter().flatten();
+            Ok(estimates.map(|one| Some(one.values)).collect())
+        })
+    }
+}
+
+impl Group {
+    /// The estimates of each property, from the embeddings of its views.
+    fn expected(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
+        let values = self.models.predict(embeddings)?;
+        let errors = self
+            .errors
+            .as_ref()
+            .map(|errors| errors.predict(embeddings));
+        let errors = errors.transpose()?;
+        let expected = values.into_iter().enumerate().map(|(at, estimates)| {
+            let least = self.least_errors[at].max(f64::MIN_POSITIVE);
+            let error = |surface: usize| match &errors {
+                Some(errors) => errors[at].values[surface].max(least),
+                None => 1.0,
+            };
+            let values = estimates.values.into_iter().enumerate();
+            let expected = values.map(|(surface, value)| Expected {
+                value,
+                error: error(surface),
+            });
+            expected.collect()
+        });
+        Ok(expected.collect())
     }
 }
 
@@ -305,7 +380,6 @@ impl Fitted {
     /// [slots](crate::Recipe::slots) that it was fitted on, as many as one of [`Fitted::steps`].
     ///
     /// # Errors
-    ///
     /// Another number of views, or another width.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Predictions> {
         self.predict_at_once(embeddings, 1, false)
@@ -316,7 +390,6 @@ impl Fitted {
     /// is of each.
     ///
     /// # Errors
-    ///
     /// As [`Fitted::predict`].
     pub fn predict_jointly(&self, embeddings: &Embeddings) -> Result<Predictions> {
         self.predict_at_once(embeddings, 1, true)
@@ -338,22 +411,15 @@ impl Fitted {
                 "found {photographs} photographs, expected one where all properties are to hold at once"
             )),
         };
-        let stage = self
-            .stages
-            .iter()
-            .find(|stage| stage.views == embeddings.views());
-        let stage = stage
-            .filter(|_| embeddings.width() == self.width)
-            .ok_or_else(|| {
-                let found = format!(
-                    "{} views of width {}",
-                    embeddings.views(),
-                    embeddings.width()
-                );
-                let steps: Vec<String> = self.steps().map(|views| views.to_string()).collect();
-                let expected = format!("{} of width {}", steps.join(" or "), self.width);
-                Error::input("embeddings", found, expected)
-            })?;
+        let (views, width) = (embeddings.views(), embeddings.width());
+        let mut stages = self.stages.iter();
+        let stage = stages.find(|stage| (stage.views, self.width) == (views, width));
+        let stage = stage.ok_or_else(|| {
+            let found = format!("{views} views of width {width}");
+            let steps: Vec<String> = self.steps().map(|views| views.to_string()).collect();
+            let expected = format!("{} of width {}", steps.join(" or "), self.width);
+            Error::input("embeddings", found, expected)
+        })?;
         let expected = stage.expected(embeddings)?.into_iter();
         let expected = expected.zip(stage.values(embeddings)?);
         let properties = self.measures.iter().zip(expected);
@@ -370,11 +436,12 @@ impl Fitted {
 
 /// The standard deviation; 1 where the readings do not differ.
 fn deviation(readings: &[f64]) -> f64 {
-    let count = readings.len().max(1) as f64;
-    let mean = readings.iter().sum::<f64>() / count;
-    let squares = readings.iter().map(|value| (value - mean).powi(2));
-    let deviation = (squares.sum::<f64>() / count).sqrt();
-    if deviation > 0.0 { deviation } else { 1.0 }
+    let standardiser = Standardiser::of(readings.iter().copied()).unwrap_or_default();
+    if standardiser.std > 0.0 {
+        standardiser.std
+    } else {
+        1.0
+    }
 }
 
 #[cfg(test)]
@@ -436,6 +503,8 @@ mod tests {
             width: 1,
         };
         assert!(fitted.deviations().eq([10.0]));
+        // The mean of ten equal readings is not one of them in f64.
+        assert_eq!(Measure::of(&wanted, &[0.1; 10]).deviation, 1.0);
         // 2.4, 1.8, 0.6 and 1.2 deviations wide.
         let steps = [12.0, 9.0, 3.0, 6.0].map(|half| Predictions {
             properties: vec![Predicted {

@@ -4,7 +4,7 @@ use sps_dataset::{Extent, Frame};
 use sps_models::encoders::Windows;
 
 use crate::embedder::Network;
-use crate::error::{Error, Result, refuse};
+use crate::error::{Result, refuse};
 use crate::estimator::Estimator;
 use crate::fitted::Predictions;
 
@@ -50,7 +50,6 @@ impl Estimator {
     /// hold for each alone.
     ///
     /// # Errors
-    ///
     /// A model of several views, a photograph without its pixels or smaller than a window, a stride of
     /// 0, more windows than a gibibyte of embeddings holds.
     pub fn map(&self, photograph: &Frame, stride: usize, sight: Sight) -> Result<Map> {
@@ -70,7 +69,12 @@ impl Estimator {
             stride => ((stride as f64 * scale).round() as usize).max(1),
         };
         if size[0] < window[0] || size[1] < window[1] {
-            return Err(self.smaller_than_a_window(photograph));
+            let [height, width] = self.about.frame_size;
+            let found = format!("{} x {} pixels", photograph.width, photograph.height);
+            let expected = format!(
+                "at least a window, {width} x {height} pixels as the photographs that the model was fitted on"
+            );
+            return refuse("a photograph to map", found, expected);
         }
         let windows = Windows::new(size, window, stride).map_err(sps_models::Error::from)?;
         let embeddings = match (sight, self.embedder.network()) {
@@ -94,15 +98,6 @@ impl Estimator {
             centres: windows.centres().into_iter().map(as_it_came).collect(),
             predictions: self.fitted.predict(&embeddings)?,
         })
-    }
-
-    fn smaller_than_a_window(&self, photograph: &Frame) -> Error {
-        let [height, width] = self.about.frame_size;
-        let found = format!("{} x {} pixels", photograph.width, photograph.height);
-        let expected = format!(
-            "at least a window, {width} x {height} pixels as the photographs that the model was fitted on"
-        );
-        Error::input("a photograph to map", found, expected)
     }
 
     /// The embeddings of windows, each encoded as a photograph of its own.

@@ -42,7 +42,6 @@ impl Precomputed {
     /// row, or of none.
     ///
     /// # Errors
-    ///
     /// No block, one without a number, numbers that do not fill rows or are not finite, other than one file for
     /// each row.
     pub fn new(blocks: Vec<Block>, files: Vec<String>, values: Vec<f32>) -> Result<Self> {
@@ -83,27 +82,21 @@ impl Precomputed {
     /// one block, `(rows, width)`.
     ///
     /// # Errors
-    ///
     /// A file that cannot be read or is none of these, tensors of other shapes, and what [`Precomputed::new`]
     /// says.
     pub fn read(path: &Path) -> Result<Self> {
-        let failed = |error| Error::File {
-            path: path.to_owned(),
-            error,
-        };
-        let length = fs::metadata(path).map_err(failed)?.len();
+        let length = fs::metadata(path).map_err(Error::file(path))?.len();
         if length > 8 * MOST {
             let problem = format!("{length} bytes, expected at most {}", 8 * MOST);
             return Err(Error::artefact(path, problem));
         }
-        let bytes = fs::read(path).map_err(failed)?;
+        let bytes = fs::read(path).map_err(Error::file(path))?;
         Self::from_bytes(&bytes).map_err(|error| Error::artefact(path, error))
     }
 
     /// As [`Precomputed::read`], the content of a file.
     ///
     /// # Errors
-    ///
     /// As [`Precomputed::read`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let wrong = |found: String| Error::input("embeddings", found, "(rows, width)");
@@ -156,7 +149,6 @@ impl Precomputed {
     /// A safetensors file as [`Precomputed::read`] takes it.
     ///
     /// # Errors
-    ///
     /// Two blocks of one name.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let (rows, width) = (self.rows(), self.width());
@@ -209,7 +201,6 @@ impl Precomputed {
     /// are in the order of the photographs.
     ///
     /// # Errors
-    ///
     /// Another number of rows where no files are named; a photograph without a row, or with two.
     pub fn rows_of(&self, photographs: &[String]) -> Result<Vec<f32>> {
         if self.files.is_empty() {

@@ -7,11 +7,11 @@ use sps_metrics::{ConformalError, Level};
 use sps_regress::TrainingData;
 
 use crate::error::{Result, refuse};
-use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
+use crate::fitted::{Expected, Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::{Aside, Familiar};
 use crate::radius::{radii, radius};
 use crate::regression::Regression;
-use crate::step::{Expected, Fit};
+use crate::step::{Fit, Step};
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.
@@ -77,7 +77,6 @@ impl Calibration {
     /// stay whole. [`Recipe::fit`] parts the same surfaces under the same number in the same way.
     ///
     /// # Errors
-    ///
     /// A share that is not between 0 and 1, fewer than two units.
     pub fn part(&self, units: &Units, surfaces: &[usize], number: u64) -> Result<Split> {
         let Self { share, seed, .. } = *self;
@@ -153,132 +152,32 @@ impl Recipe {
     /// [`Calibration::share`] keeps one aside; units stay whole. Of the same recipe and number the parts are the same.
     ///
     /// # Errors
-    ///
     /// No property, views that differ where they are looked at one by one, too few units to part, one
     /// that calibrates and that the encoder saw, and what the regression says.
     pub fn fit(&self, examples: &Examples<'_>, surfaces: &[usize], number: u64) -> Result<Fitted> {
         let slots = self.slots()?;
-        let units = examples.units;
-        let split = self.calibration.part(units, surfaces, number)?;
+        let split = self.calibration.part(examples.units, surfaces, number)?;
         examples.check_unseen(&split.validation)?;
-        let folds = self.folds(units, &split, number)?;
-        let steps: Vec<usize> = if self.one_by_one {
+        let steps = if self.one_by_one {
             (1..=slots.len()).collect()
         } else {
             vec![slots.len()]
         };
-        let groups = self.groups();
-        let whole = (!split.validation.is_empty()).then_some(surfaces);
-        let stages = steps.iter().map(|&views| {
-            let groups = groups.iter().map(|(looked, members)| {
-                self.group(
-                    examples,
-                    (looked, members),
-                    (&folds, whole, number),
-                    (&slots, views),
-                )
-            });
-            Ok(Stage {
-                views,
-                groups: groups.collect::<Result<_>>()?,
-            })
-        });
-        let stages = stages.collect::<Result<Vec<Stage>>>()?;
-        let mut fitted = Fitted {
-            measures: self.measures(examples, surfaces),
-            stages,
-            familiar: self.familiar(examples, (surfaces, &split), (&slots, &steps), number)?,
-            level: self.calibration.level,
-            joint: Interval::None("not calibrated".to_owned()),
-            on: FittedOn {
-                surfaces: surfaces.len(),
-                units: units.among(surfaces),
-                unit: units.unit(),
-            },
-            width: examples.data.embeddings.width(),
-        };
-        self.calibrate(&mut fitted, examples, &split.validation, &slots)?;
-        Ok(fitted)
-    }
-
-    /// Fits properties, by their places, that look at the same views, to the first so many of those where
-    /// they may be looked at one by one; values by `whole`, where the folds are a part of it.
-    fn group(
-        &self,
-        examples: &Examples<'_>,
-        (looked, properties): (&[usize], &[usize]),
-        (folds, whole, number): (&[Vec<usize>], Option<&[usize]>, u64),
-        (slots, views): (&[usize], usize),
-    ) -> Result<Group> {
-        let (views, regression) = if self.one_by_one {
-            (&looked[..views], &self.regression.with_views(views)?)
-        } else {
-            (looked, &self.regression)
-        };
-        let names = properties
-            .iter()
-            .map(|&at| self.wanted[at].property.clone());
-        let fit = Fit {
-            regression,
-            data: &examples.data,
-            units: examples.units,
-            seed: self.calibration.seed,
+        let fit = Fitting {
+            recipe: self,
+            examples,
+            surfaces,
+            split,
+            slots,
+            steps,
             number,
-            properties: &names.collect::<Vec<_>>(),
-            views,
         };
-        let slot = |view: &usize| slots.iter().position(|slot| slot == view);
-        Ok(Group {
-            properties: properties.to_vec(),
-            slots: views.iter().filter_map(slot).collect(),
-            step: fit.step(folds)?,
-            whole: whole.map(|surfaces| fit.whole(surfaces)).transpose()?,
-        })
-    }
-
-    /// What photographs are held against, or why there is nothing: all surfaces where the encoder was
-    /// taken as it is. Where it learned from some, a new surface is not exchangeable with those, and is
-    /// held against one surface of each unit that it has not seen.
-    fn familiar(
-        &self,
-        examples: &Examples<'_>,
-        (surfaces, split): (&[usize], &Split),
-        (slots, steps): (&[usize], &[usize]),
-        number: u64,
-    ) -> Result<Result<Familiar, String>> {
-        let mut against = surfaces.to_vec();
-        let (units, seed) = (examples.units, self.calibration.seed);
-        let mut aside = split.validation.as_slice();
-        if !examples.encoder_saw.is_empty() {
-            aside = &[];
-            against = units.one_of_each(&examples.unseen(surfaces), seed, "familiar", number);
-            if against.len() < LEAST_UNSEEN {
-                return Ok(Err(format!(
-                    "the encoder learned from the surfaces fitted to, and found {} {} that it has not \
-                    seen, expected at least {LEAST_UNSEEN} for a p-value of 0.05",
-                    against.len(),
-                    units.unit()
-                )));
-            }
-        }
-        let seen = examples.data.embeddings.select(&against, slots)?;
-        let places = |some: &[usize]| -> Vec<usize> {
-            let places = against.iter().enumerate();
-            let places = places.filter(|(_, surface)| some.contains(surface));
-            places.map(|(place, _)| place).collect()
-        };
-        let aside = Aside {
-            all: places(aside),
-            one_of_each: places(&units.one_of_each(aside, seed, "watched", number)),
-        };
-        let familiar = Familiar::of(&seen, steps, aside);
-        Ok(familiar.map(|familiar| familiar.at(against)))
+        fit.fitted()
     }
 
     /// All views that any property looks at, in the order in which they come up.
     ///
     /// # Errors
-    ///
     /// No property or no view; views that differ, or one twice, where they are looked at one by one.
     pub fn slots(&self) -> Result<Vec<usize>> {
         let mut slots = Vec::new();
@@ -303,67 +202,168 @@ impl Recipe {
         }
         Ok(slots)
     }
+}
 
-    /// The properties that look at the same views, by their places.
-    fn groups(&self) -> BTreeMap<Vec<usize>, Vec<usize>> {
-        let mut groups: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
-        for (at, wanted) in self.wanted.iter().enumerate() {
-            groups.entry(wanted.views.clone()).or_default().push(at);
+/// A recipe at work.
+struct Fitting<'a> {
+    recipe: &'a Recipe,
+    examples: &'a Examples<'a>,
+    surfaces: &'a [usize],
+    split: Split,
+    /// [`Recipe::slots`].
+    slots: Vec<usize>,
+    /// The numbers of views to be asked with, ascending.
+    steps: Vec<usize>,
+    number: u64,
+}
+
+impl Fitting<'_> {
+    fn fitted(&self) -> Result<Fitted> {
+        let folds = self.folds()?;
+        let mut groups: BTreeMap<&[usize], Vec<usize>> = BTreeMap::new();
+        for (at, wanted) in self.recipe.wanted.iter().enumerate() {
+            groups.entry(&wanted.views).or_default().push(at);
         }
-        groups
+        let stages = self.steps.iter().map(|&views| {
+            let groups = groups.iter();
+            let groups = groups.map(|(looked, properties)| {
+                self.group(&looked[..views.min(looked.len())], properties, &folds)
+            });
+            Ok(Stage {
+                views,
+                groups: groups.collect::<Result<_>>()?,
+            })
+        });
+        let units = self.examples.units;
+        let measure = |wanted: &Wanted| {
+            let readings = self.readings(wanted, self.surfaces);
+            Measure::of(wanted, &readings.into_iter().flatten().collect::<Vec<_>>())
+        };
+        let mut fitted = Fitted {
+            measures: self.recipe.wanted.iter().map(measure).collect(),
+            stages: stages.collect::<Result<_>>()?,
+            familiar: self.familiar()?,
+            level: self.recipe.calibration.level,
+            joint: Interval::None("not calibrated".to_owned()),
+            on: FittedOn {
+                surfaces: self.surfaces.len(),
+                units: units.among(self.surfaces),
+                unit: units.unit(),
+            },
+            width: self.examples.data.embeddings.width(),
+        };
+        self.calibrate(&mut fitted)?;
+        Ok(fitted)
+    }
+
+    /// Fits properties, by their places, that look at the same views.
+    fn group(&self, looked: &[usize], properties: &[usize], folds: &[Vec<usize>]) -> Result<Group> {
+        let recipe = self.recipe;
+        let regression = if recipe.one_by_one {
+            &recipe.regression.with_views(looked.len())?
+        } else {
+            &recipe.regression
+        };
+        let names = properties
+            .iter()
+            .map(|&at| recipe.wanted[at].property.clone());
+        let fit = Fit {
+            regression,
+            data: &self.examples.data,
+            units: self.examples.units,
+            seed: recipe.calibration.seed,
+            number: self.number,
+            properties: &names.collect::<Vec<_>>(),
+            views: looked,
+        };
+        let slot = |view: &usize| self.slots.iter().position(|slot| slot == view);
+        let Step {
+            models,
+            errors,
+            least,
+        } = fit.step(folds)?;
+        let parted = !self.split.validation.is_empty();
+        Ok(Group {
+            properties: properties.to_vec(),
+            slots: looked.iter().filter_map(slot).collect(),
+            models,
+            errors,
+            whole: parted.then(|| fit.whole(self.surfaces)).transpose()?,
+            least_errors: least,
+        })
+    }
+
+    /// What photographs are held against, or why there is nothing: all surfaces where the encoder was
+    /// taken as it is. Where it learned from some, a new surface is not exchangeable with those, and is
+    /// held against one surface of each unit that it has not seen.
+    fn familiar(&self) -> Result<Result<Familiar, String>> {
+        let (units, seed) = (self.examples.units, self.recipe.calibration.seed);
+        let mut against = self.surfaces.to_vec();
+        let mut aside = self.split.validation.as_slice();
+        if !self.examples.encoder_saw.is_empty() {
+            aside = &[];
+            let unseen = self.examples.unseen(self.surfaces);
+            against = units.one_of_each(&unseen, seed, "familiar", self.number);
+            if against.len() < LEAST_UNSEEN {
+                return Ok(Err(format!(
+                    "the encoder learned from the surfaces fitted to, and found {} {} that it has not \
+                    seen, expected at least {LEAST_UNSEEN} for a p-value of 0.05",
+                    against.len(),
+                    units.unit()
+                )));
+            }
+        }
+        let seen = self
+            .examples
+            .data
+            .embeddings
+            .select(&against, &self.slots)?;
+        let places = |some: &[usize]| -> Vec<usize> {
+            let places = against.iter().enumerate();
+            let places = places.filter(|(_, surface)| some.contains(surface));
+            places.map(|(place, _)| place).collect()
+        };
+        let aside = Aside {
+            all: places(aside),
+            one_of_each: places(&units.one_of_each(aside, seed, "watched", self.number)),
+        };
+        let familiar = Familiar::of(&seen, &self.steps, aside);
+        Ok(familiar.map(|familiar| familiar.at(against)))
     }
 
     /// The surfaces to fit to, in the parts that say what error to expect; in one where there are too
     /// few units for that.
-    fn folds(&self, units: &Units, split: &Split, number: u64) -> Result<Vec<Vec<usize>>> {
-        let whole = || Ok(vec![split.train.clone()]);
-        if self.widths == Widths::Constant || self.calibration.share.is_none() {
+    fn folds(&self) -> Result<Vec<Vec<usize>>> {
+        let (train, Calibration { share, seed, .. }) = (&self.split.train, self.recipe.calibration);
+        let whole = || Ok(vec![train.clone()]);
+        if self.recipe.widths == Widths::Constant || share.is_none() {
             return whole();
         }
-        match units.folds(
-            &split.train,
-            FOLDS,
-            self.calibration.seed,
-            "expected errors",
-            number,
-        ) {
+        let units = self.examples.units;
+        match units.folds(train, FOLDS, seed, "expected errors", self.number) {
             Ok(folds) => Ok(folds.into_iter().map(|fold| fold.validation).collect()),
             Err(SplitError::TooFew { .. }) => whole(),
             Err(error) => Err(error.into()),
         }
     }
 
-    fn measures(&self, examples: &Examples<'_>, surfaces: &[usize]) -> Vec<Measure> {
-        let of = |wanted: &Wanted| {
-            let readings = readings(examples, &wanted.property, surfaces);
-            let readings: Vec<f64> = readings.into_iter().flatten().collect();
-            Measure::of(wanted, &readings)
-        };
-        self.wanted.iter().map(of).collect()
-    }
-
     /// Of each property the largest error of each surface that was kept aside, over all stages, in
-    /// expected errors.
-    fn scores(
-        &self,
-        fitted: &Fitted,
-        examples: &Examples<'_>,
-        surfaces: &[usize],
-        slots: &[usize],
-    ) -> Result<Vec<Vec<f64>>> {
-        let mut scores = vec![vec![0.0_f64; surfaces.len()]; self.wanted.len()];
-        let truths = |at: usize| readings(examples, &self.wanted[at].property, surfaces);
+    /// expected errors; none where it was not read.
+    fn scores(&self, fitted: &Fitted) -> Result<Vec<Vec<Option<f64>>>> {
+        let aside = &self.split.validation;
+        let wanted = self.recipe.wanted.iter();
+        let truths: Vec<_> = wanted.map(|wanted| self.readings(wanted, aside)).collect();
+        let none =
+            |truths: &Vec<Option<f64>>| truths.iter().map(|truth| truth.map(|_| 0.0)).collect();
+        let mut scores: Vec<Vec<Option<f64>>> = truths.iter().map(none).collect();
         for stage in &fitted.stages {
-            let embeddings = examples
-                .data
-                .embeddings
-                .select(surfaces, &slots[..stage.views])?;
+            let slots = &self.slots[..stage.views];
+            let embeddings = self.examples.data.embeddings.select(aside, slots)?;
             for (at, expected) in stage.expected(&embeddings)?.into_iter().enumerate() {
-                let of_surface = scores[at].iter_mut().zip(truths(at));
+                let of_surface = scores[at].iter_mut().zip(&truths[at]);
                 for ((score, truth), Expected { value, error }) in of_surface.zip(expected) {
-                    if let Some(truth) = truth {
-                        *score = score.max((truth - value).abs() / error);
-                    }
+                    let off = truth.map(|truth| (truth - value).abs() / error);
+                    *score = score.zip(off).map(|(score, off)| score.max(off));
                 }
             }
         }
@@ -371,23 +371,14 @@ impl Recipe {
     }
 
     /// Sets how wide intervals are, by the surfaces that were kept aside.
-    fn calibrate(
-        &self,
-        fitted: &mut Fitted,
-        examples: &Examples<'_>,
-        surfaces: &[usize],
-        slots: &[usize],
-    ) -> Result<()> {
-        let scores = self.scores(fitted, examples, surfaces, slots)?;
-        fitted.joint = self.joint(examples, surfaces, &scores);
+    fn calibrate(&self, fitted: &mut Fitted) -> Result<()> {
+        let (aside, scores) = (&self.split.validation, self.scores(fitted)?);
+        let (units, level) = (self.examples.units, self.recipe.calibration.level);
         let averages = fitted.averages();
-        for (at, measure) in fitted.measures.iter_mut().enumerate() {
-            let truths = readings(examples, &measure.property, surfaces);
-            let scored = surfaces.iter().zip(&scores[at]).zip(truths);
-            let scored = scored.filter(|(_, truth)| truth.is_some());
-            let scored: Vec<(usize, f64)> = scored.map(|((&s, &score), _)| (s, score)).collect();
-            let times = radii(examples.units, &scored, self.calibration.level);
-            measure.interval = match times {
+        for (measure, scores) in fitted.measures.iter_mut().zip(&scores) {
+            let read = aside.iter().zip(scores);
+            let read = read.filter_map(|(&surface, score)| Some((surface, (*score)?)));
+            measure.interval = match radii(units, &read.collect::<Vec<_>>(), level) {
                 Ok(mut times) => {
                     let one = times.remove(0);
                     // The photographs of several views are one estimate: there is nothing to average.
@@ -397,37 +388,32 @@ impl Recipe {
                 Err(reason) => self.no_interval(&reason),
             };
         }
+        // All properties at once, by the surfaces of which all were read.
+        let largest = |at: usize| {
+            let mut of_properties = scores.iter().map(|scores| scores[at]);
+            of_properties.try_fold(0.0_f64, |largest, score| Some(largest.max(score?)))
+        };
+        let read = aside.iter().enumerate();
+        let read = read.filter_map(|(at, &surface)| Some((surface, largest(at)?)));
+        fitted.joint = match radius(units, &read.collect::<Vec<_>>(), level) {
+            Ok(times) => Interval::Errors(times),
+            Err(reason) => self.no_interval(&reason),
+        };
         Ok(())
     }
 
-    /// How wide intervals are of which those of all properties hold at once, by the surfaces of which all
-    /// were read.
-    fn joint(&self, examples: &Examples<'_>, surfaces: &[usize], scores: &[Vec<f64>]) -> Interval {
-        let wanted = self.wanted.iter();
-        let truths = wanted.map(|wanted| readings(examples, &wanted.property, surfaces));
-        let truths: Vec<Vec<Option<f64>>> = truths.collect();
-        let read = |at: &usize| truths.iter().all(|truths| truths[*at].is_some());
-        let largest = |at: usize| scores.iter().map(|scores| scores[at]).fold(0.0, f64::max);
-        let all = (0..surfaces.len()).filter(read);
-        let all: Vec<(usize, f64)> = all.map(|at| (surfaces[at], largest(at))).collect();
-        match radius(examples.units, &all, self.calibration.level) {
-            Ok(times) => Interval::Errors(times),
-            Err(reason) => self.no_interval(&reason),
-        }
-    }
-
     fn no_interval(&self, reason: &ConformalError) -> Interval {
-        Interval::None(match self.calibration.share {
+        Interval::None(match self.recipe.calibration.share {
             None => "no part of the surfaces was kept aside to calibrate it".to_owned(),
             Some(_) => reason.to_string(),
         })
     }
-}
 
-/// What was measured of a property on each of the surfaces.
-fn readings(examples: &Examples<'_>, property: &str, surfaces: &[usize]) -> Vec<Option<f64>> {
-    let readings = examples.data.readings;
-    let column = readings.column(property);
-    let reading = |&surface: &usize| readings.get(surface, column?);
-    surfaces.iter().map(reading).collect()
+    /// What was measured of a property on each of the surfaces.
+    fn readings(&self, wanted: &Wanted, surfaces: &[usize]) -> Vec<Option<f64>> {
+        let readings = self.examples.data.readings;
+        let column = readings.column(&wanted.property);
+        let reading = |&surface: &usize| readings.get(surface, column?);
+        surfaces.iter().map(reading).collect()
+    }
 }

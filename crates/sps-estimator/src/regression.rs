@@ -51,7 +51,6 @@ impl Regression {
     /// All that an estimate depends on beside the data, as JSON.
     ///
     /// # Errors
-    ///
     /// Settings that JSON cannot hold.
     pub fn settings(&self) -> serde_json::Result<Value> {
         Ok(match self {
@@ -86,7 +85,6 @@ impl Regression {
     /// With every network changed.
     ///
     /// # Errors
-    ///
     /// A network that cannot be as `change` says.
     pub fn with_heads(&self, change: &impl Fn(&HeadConfig) -> HeadConfig) -> Result<Self> {
         Ok(match self {
@@ -106,7 +104,6 @@ impl Regression {
     /// With networks that take this input.
     ///
     /// # Errors
-    ///
     /// As [`Regression::with_heads`].
     pub fn with_input(&self, input: &Input) -> Result<Self> {
         self.with_heads(&|config| HeadConfig {
@@ -118,7 +115,6 @@ impl Regression {
     /// With networks that take so many views: those that pool views take any number.
     ///
     /// # Errors
-    ///
     /// As [`Regression::with_heads`].
     pub fn with_views(&self, views: usize) -> Result<Self> {
         let pools = |head: &Head| head.config().input == (Input::ViewPooling {});
@@ -133,7 +129,6 @@ impl Regression {
     /// when to stop.
     ///
     /// # Errors
-    ///
     /// What the regression says of the data and the plan, and too few units to keep any aside.
     pub fn fit_some(
         &self,
@@ -159,7 +154,6 @@ impl Regression {
     /// Fits the trials of a plan, all of them.
     ///
     /// # Errors
-    ///
     /// As [`Regression::fit_some`], and a trial that comes to nothing.
     pub fn fit(
         &self,
@@ -192,7 +186,6 @@ impl Regression {
 /// The plan with a validation part of each rerun where the head stops early; units stay whole.
 ///
 /// # Errors
-///
 /// Too few units to keep any aside.
 pub fn early_stopped(head: &Head, units: &Units, mut plan: Plan) -> Result<Plan> {
     let Some(stopping) = head.config().early_stopping else {

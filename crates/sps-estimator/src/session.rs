@@ -13,8 +13,8 @@ use crate::estimator::{Answer, Estimator};
 /// after each photograph what it estimates. Its intervals hold the truth after every number of
 /// photographs at once, so that the coverage stands wherever one stops.
 ///
-/// `E` is what holds the model: a reference ([`Estimator::session`]), or an `Arc` where the session
-/// outlives the place that began it.
+/// `E` is what holds the model: a reference, or an `Arc` where the session outlives the place that began
+/// it.
 pub struct Session<E> {
     estimator: E,
     width: f64,
@@ -38,23 +38,11 @@ pub struct Looked {
     pub next: Option<f64>,
 }
 
-impl Estimator {
-    /// Begins to look at one surface, as [`Session::new`] does.
-    ///
-    /// # Errors
-    ///
-    /// What [`Session::new`] says.
-    pub fn session(&self, width: f64) -> Result<Session<&Self>> {
-        Session::new(self, width)
-    }
-}
-
 impl<E: Borrow<Estimator>> Session<E> {
     /// Begins to look at one surface, until no interval is wider than `width` standard deviations of
     /// the readings that the model was fitted on.
     ///
     /// # Errors
-    ///
     /// A width that is not above 0, a model that takes all its views at once, one without an interval
     /// for some property.
     pub fn new(estimator: E, width: f64) -> Result<Self> {
@@ -88,29 +76,22 @@ impl<E: Borrow<Estimator>> Session<E> {
     /// Looks at the next photograph, which has the model's scale.
     ///
     /// # Errors
-    ///
     /// A session that is over, what the encoder says.
     pub fn look(&mut self, photograph: &Frame) -> Result<Looked> {
         if self.next_angle().is_none() {
             let found = format!("one more after {}", self.views);
             return refuse("photographs", found, "none: the session is over");
         }
-        let estimator: &Estimator = self.estimator.borrow();
-        let embedded = estimator
-            .embedder()
-            .embed(std::slice::from_ref(photograph))?;
-        self.embeddings.extend(embedded);
+        let model: &Estimator = self.estimator.borrow();
+        self.embeddings.extend(model.embedder.embed(&[photograph])?);
         self.views += 1;
-        let fitted = estimator.fitted();
-        let embeddings = estimator
-            .embedder()
-            .table(&self.embeddings, 1, self.views)?;
-        let predictions = fitted.predict(&embeddings)?;
-        let narrow = fitted.narrow(&predictions, self.width).concat();
+        let embeddings = model.embedder.table(&self.embeddings, 1, self.views)?;
+        let predictions = model.fitted.predict(&embeddings)?;
+        let narrow = model.fitted.narrow(&predictions, self.width).concat();
         self.over = narrow.iter().all(|narrow| *narrow);
         Ok(Looked {
             views: self.views,
-            answer: estimator.answer(&predictions, &embeddings, 0..1),
+            answer: model.answer(&predictions, &embeddings, 0..1),
             narrow,
             next: self.next_angle(),
         })

@@ -12,8 +12,8 @@
 //! promised rate, and so at the m where one stops, however that is decided.
 
 use sps_dataset::Units;
-use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
+use sps_regress::ridge::Ridge;
+use sps_regress::{FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
 
 use crate::error::{Error, Result};
 use crate::regression::Regression;
@@ -34,21 +34,11 @@ pub(crate) struct Fit<'a> {
     pub views: &'a [usize],
 }
 
-/// An estimate and the error to expect of it, both in the property's measured units; an expected
-/// error is above 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Expected {
-    pub value: f64,
-    pub error: f64,
-}
-
-/// What is estimated of surfaces from some views.
+/// What is fitted to the same views: models, those of their errors where these differ, and the least of
+/// each.
 pub(crate) struct Step {
-    /// One for each property, in their order.
     pub models: Box<dyn FittedRegressor>,
-    /// Of their errors; none where all are alike.
     pub errors: Option<Box<dyn FittedRegressor>>,
-    /// What each expected error is at least.
     pub least: Vec<f64>,
 }
 
@@ -106,16 +96,10 @@ impl Fit<'_> {
     }
 
     fn plan(&self, properties: &[String], reruns: Vec<(u64, Vec<usize>)>) -> Plan {
-        let reruns = reruns.into_iter().map(|(number, training)| Rerun {
-            number,
-            training,
-            validation: Vec::new(),
-        });
-        let mut plan = Plan::each(self.seed, properties, reruns.collect());
-        for trial in &mut plan.trials {
-            trial.views = Views::Fixed(self.views.to_vec());
-        }
-        plan
+        let reruns = reruns.into_iter();
+        let reruns = reruns.map(|(number, training)| Rerun::new(number, training));
+        let plan = Plan::each(self.seed, properties, reruns.collect());
+        plan.with_views(&Views::Fixed(self.views.to_vec()))
     }
 
     /// How far a model is off on those of some surfaces that were measured.
@@ -153,34 +137,6 @@ impl Fit<'_> {
             readings: &Readings::new(names, residuals)?,
             ..*self.data
         };
-        Ok(Box::new(
-            Ridge::new(RidgeConfig::default())?.train(&data, &plan)?,
-        ))
-    }
-}
-
-impl Step {
-    /// What is said of each property of surfaces, by their embeddings of its views.
-    pub(crate) fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
-        let values = self.models.predict(embeddings)?;
-        let errors = self
-            .errors
-            .as_ref()
-            .map(|errors| errors.predict(embeddings));
-        let errors = errors.transpose()?;
-        let expected = values.into_iter().enumerate().map(|(at, estimates)| {
-            let least = self.least[at].max(f64::MIN_POSITIVE);
-            let error = |surface: usize| match &errors {
-                Some(errors) => errors[at].values[surface].max(least),
-                None => 1.0,
-            };
-            let values = estimates.values.into_iter().enumerate();
-            let expected = values.map(|(surface, value)| Expected {
-                value,
-                error: error(surface),
-            });
-            expected.collect()
-        });
-        Ok(expected.collect())
+        Ok(Box::new(Ridge::default().train(&data, &plan)?))
     }
 }

@@ -38,7 +38,6 @@ impl<E: Borrow<Estimator>> Watch<E> {
     /// Begins to watch.
     ///
     /// # Errors
-    ///
     /// A model whose surfaces all calibrate, or none; one whose encoder learned from them.
     pub fn new(estimator: E) -> Result<Self> {
         let familiar = estimator.borrow().fitted.familiar.as_ref();
@@ -57,7 +56,6 @@ impl<E: Borrow<Estimator>> Watch<E> {
     /// Takes in the next surface by the embeddings of its photographs, `(views, width)`.
     ///
     /// # Errors
-    ///
     /// Photographs of another number of views than the model has, a value that is not finite.
     pub fn see(&mut self, values: &[f32]) -> Result<()> {
         self.evidence.take(self.score(values)?);
@@ -79,7 +77,6 @@ impl<E: Borrow<Estimator>> Watch<E> {
     /// How strange a surface looks, by the embeddings of its photographs, `(views, width)`.
     ///
     /// # Errors
-    ///
     /// As [`Watch::see`].
     pub fn score(&self, values: &[f32]) -> Result<f64> {
         let model: &Estimator = self.estimator.borrow();

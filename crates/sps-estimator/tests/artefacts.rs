@@ -10,7 +10,7 @@ use std::path::Path;
 use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::prelude::any;
 use serde_json::{Value, json};
-use sps_estimator::{Estimator, Precomputed, Sight};
+use sps_estimator::{Estimator, Precomputed, Session, Sight};
 use support::{Tables, block, npy, photograph, recipe, ridge};
 
 fn kept() -> tempfile::TempDir {
@@ -173,7 +173,7 @@ fn any_damage_is_refused_or_harmless() {
         if let Ok(model) = Estimator::load(folder) {
             drop(model.predict(&asked));
             drop(model.map(&asked[0], model.stride(), Sight::Within));
-            drop(model.session(1.0));
+            drop(Session::new(&model, 1.0));
         }
         fs::write(folder.join(&names[file]), whole).unwrap();
         fs::write(folder.join("estimator.json"), &wholes[card]).unwrap();

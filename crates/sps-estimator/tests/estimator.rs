@@ -6,21 +6,19 @@ use std::fs;
 use std::thread;
 
 use sps_estimator::{
-    Answer, Embedder, Estimate, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths,
-    photographs_in, radius,
+    Answer, Embedder, Estimate, Estimator, Frame, Regression, Scale, Session, Sight, Stacked,
+    Widths, photographs_in, radius,
 };
 use sps_metrics::{Level, PredictionInterval};
 use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input};
-use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun, Views};
+use sps_regress::kernel_ridge::KernelRidge;
+use sps_regress::ridge::Ridge;
+use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun};
 use support::{Tables, embedder, photograph, read_again, recipe, refused, ridge};
 
 fn kernel() -> Regression {
-    Regression::Rows(AnyRegressor::KernelRidge(
-        KernelRidge::new(KernelRidgeConfig::default()).unwrap(),
-    ))
+    Regression::Rows(AnyRegressor::KernelRidge(KernelRidge::default()))
 }
 
 fn network(views: usize) -> Regression {
@@ -98,17 +96,11 @@ fn all_surfaces_are_fitted_to_where_none_calibrates() {
     let mut recipe = recipe(ridge(), &[0]);
     recipe.calibration.share = None;
     let estimator = tables.estimator(&recipe);
-    let rerun = Rerun {
-        number: 0,
-        training: tables.all(),
-        validation: Vec::new(),
-    };
-    let mut plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
-    for trial in &mut plan.trials {
-        trial.views = Views::Fixed(vec![0]);
-    }
-    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
-    let ridge = ridge.train(&tables.examples().data, &plan).unwrap();
+    let rerun = Rerun::new(0, tables.all());
+    let plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
+    let ridge = Ridge::default()
+        .train(&tables.examples().data, &plan)
+        .unwrap();
     let expected = ridge.predict(&tables.embeddings).unwrap();
     let predictions = estimator.fitted().predict(&tables.embeddings).unwrap();
     for (found, expected) in predictions.properties.iter().zip(&expected) {
@@ -251,14 +243,14 @@ fn a_session_ends_when_it_is_sure_and_says_where_to_look() {
     assert!(estimator.fitted().steps().eq([1, 2, 3]));
 
     // As narrow as anything is: one photograph is enough.
-    let mut session = estimator.session(1e9).unwrap();
+    let mut session = Session::new(&estimator, 1e9).unwrap();
     assert_eq!(session.next_angle(), Some(20.0));
     let looked = session.look(&photograph(70, 2)).unwrap();
     assert_eq!((looked.views, looked.next), (1, None));
     refused(session.look(&photograph(70, 0)), "over");
 
     // Never narrow enough: all views, and what they say together.
-    let mut session = estimator.session(1e-9).unwrap();
+    let mut session = Session::new(&estimator, 1e-9).unwrap();
     let angles = [2, 0, 1].map(|view| session.look(&photograph(70, view)).unwrap());
     assert_eq!(
         angles.each_ref().map(|looked| looked.next),
@@ -266,10 +258,10 @@ fn a_session_ends_when_it_is_sure_and_says_where_to_look() {
     );
     let together = estimator.predict(&photographs(70, &[2, 0, 1])).unwrap();
     assert_eq!(angles[2].answer, together);
-    assert!(estimator.session(0.0).is_err());
+    assert!(Session::new(&estimator, 0.0).is_err());
 
     let at_once = tables.estimator(&support::recipe(self::ridge(), &[0, 1]));
-    refused(at_once.session(1.0), "2 views at once");
+    refused(Session::new(&at_once, 1.0), "2 views at once");
 }
 
 #[test]
@@ -321,7 +313,7 @@ fn too_few_groups_have_no_interval_and_the_reason() {
         (answer.estimates[0].low, answer.estimates[0].high),
         (None, None)
     );
-    refused(estimator.session(1.0), "2 calibration group(s)");
+    refused(Session::new(&estimator, 1.0), "2 calibration group(s)");
 }
 
 #[test]

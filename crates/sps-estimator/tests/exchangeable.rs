@@ -3,10 +3,10 @@
 mod support;
 
 use sps_dataset::{Surface, Units};
-use sps_estimator::{Calibration, Examples, Predictions, Recipe, Widths};
+use sps_estimator::{Calibration, Predictions, Recipe, Widths};
 use sps_metrics::Level;
-use sps_regress::{Embeddings, Readings, TrainingData};
-use support::{ridge, uniform};
+use sps_regress::{Embeddings, Readings};
+use support::{examples, ridge, uniform};
 
 const WIDTH: usize = 6;
 const DRAWS: usize = 1500;
@@ -41,18 +41,6 @@ fn grouped(groups: usize, of_group: usize) -> Units {
         group: (at / of_group).to_string(),
     };
     Units::of(&(0..groups * of_group).map(surface).collect::<Vec<_>>())
-}
-
-fn examples<'a>(
-    embeddings: &'a Embeddings,
-    readings: &'a Readings,
-    units: &'a Units,
-) -> Examples<'a> {
-    Examples {
-        data: TrainingData::new(embeddings, readings),
-        units,
-        encoder_saw: &[],
-    }
 }
 
 /// Three standard errors of a share of 0.8 that draws of so many new surfaces each find. Surfaces of one
@@ -92,11 +80,8 @@ fn p_value(draw: usize, (groups, of_group): (usize, usize), told: bool) -> Optio
         embeddings(&rows),
         Readings::new(vec!["felt".into()], &felt).unwrap(),
     );
-    let examples = Examples {
-        data: TrainingData::new(&embedded, &readings).with_units(units.of_surface()),
-        units: &units,
-        encoder_saw: if told { &part.train } else { &[] },
-    };
+    let mut examples = examples(&embedded, &readings, &units);
+    examples.encoder_saw = if told { &part.train } else { &[] };
     let fitted = recipe.fit(&examples, &all, 0).unwrap();
     let new = fitted.predict(&embeddings(&[of(all.len())])).unwrap();
     Some(new.familiar?[0])

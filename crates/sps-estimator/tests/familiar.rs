@@ -5,8 +5,8 @@ mod support;
 use std::fs;
 
 use safetensors::SafeTensors;
-use sps_estimator::{About, Estimator, Fitted, Sight};
-use support::{Tables, photograph, recipe, refused, ridge};
+use sps_estimator::{Estimator, Fitted, Session, Sight};
+use support::{Tables, about, photograph, recipe, refused, ridge};
 
 /// 20 of 50 surfaces calibrate; the encoder learned from the others.
 #[test]
@@ -16,13 +16,8 @@ fn what_the_encoder_saw_is_not_held_against() {
     let part = tables.part(&recipe);
     let fit = |saw: &[usize]| tables.fit_beside(&recipe, saw);
     let kept = |fitted: Fitted| {
-        let about = About {
-            frame_size: [32, 32],
-            angles: vec![0.0],
-            ..About::default()
-        };
         let folder = tempfile::tempdir().unwrap();
-        let estimator = Estimator::new(support::embedder(), fitted, about).unwrap();
+        let estimator = Estimator::new(support::embedder(), fitted, about(&[1])).unwrap();
         estimator.save(folder.path()).unwrap();
         let bytes = fs::read(folder.path().join("familiar.safetensors")).unwrap();
         let units = SafeTensors::deserialize(&bytes).unwrap();
@@ -64,8 +59,7 @@ fn a_model_that_does_not_know_what_is_familiar_says_why() {
     let fitted = tables
         .fit_beside(&recipe, &tables.part(&recipe).train)
         .unwrap();
-    let about = tables.estimator(&recipe).about().clone();
-    let estimator = Estimator::new(support::embedder(), fitted, about).unwrap();
+    let estimator = Estimator::new(support::embedder(), fitted, about(&[0])).unwrap();
     let folder = tempfile::tempdir().unwrap();
     estimator.save(folder.path()).unwrap();
     assert!(!folder.path().join("familiar.safetensors").exists());
@@ -82,7 +76,7 @@ fn a_model_that_does_not_know_what_is_familiar_says_why() {
         assert_eq!(model.predict(&one).unwrap().familiar, None);
         let map = model.map(&one[0], 16, Sight::Within).unwrap();
         assert_eq!(map.predictions.familiar, None);
-        let looked = model.session(1.0).unwrap().look(&one[0]).unwrap();
+        let looked = Session::new(&model, 1.0).unwrap().look(&one[0]).unwrap();
         assert_eq!(looked.answer.familiar, None);
     }
 }

@@ -5,11 +5,10 @@ mod support;
 use std::collections::BTreeMap;
 
 use sps_dataset::{Source, Unit, Units};
-use sps_estimator::{Calibration, Examples, Recipe};
+use sps_estimator::{Calibration, Recipe};
 use sps_metrics::Level;
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_regress::TrainingData;
-use support::{Photographs, ridge, shared};
+use support::{Photographs, examples, ridge, shared};
 
 /// The share of pairs that a score puts in order, ties counted half.
 fn auroc(known: &[f64], new: &[f64]) -> f64 {
@@ -49,11 +48,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         seed: 0,
     };
     let recipe = Recipe::new(ridge(), ["fRS"], &[0], calibration);
-    let examples = Examples {
-        data: TrainingData::new(embeddings, readings).with_units(units.of_surface()),
-        units: &units,
-        encoder_saw: &[],
-    };
+    let examples = examples(embeddings, readings, &units);
     let single = Units::by(surfaces, Unit::Surface);
     let mut of_material = BTreeMap::new();
     let (mut all_known, mut all_new) = (Vec::new(), Vec::new());

@@ -5,11 +5,8 @@ mod support;
 
 use std::path::Path;
 
-use sps_estimator::{
-    About, Embedder, Estimator, Examples, Frame, Network, OnnxEncoder, OnnxSettings, Sight,
-};
-use sps_regress::TrainingData;
-use support::{SIDE, Tables, photograph, recipe, refused, ridge};
+use sps_estimator::{Embedder, Estimator, Frame, Network, OnnxEncoder, OnnxSettings, Sight};
+use support::{Tables, about, examples, photograph, recipe, refused, ridge};
 
 fn network() -> Network {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/onnx/tiny.onnx");
@@ -34,20 +31,11 @@ fn a_model_keeps_its_network() {
     assert_eq!(embedder.embed(&frames[7..8]).unwrap(), values[7 * 7..8 * 7]);
     let tables = Tables::new(40, 1, 1);
     let embeddings = embedder.table(&values, 40, 1).unwrap();
-    let examples = Examples {
-        data: TrainingData::new(&embeddings, &tables.readings),
-        ..tables.examples()
-    };
+    let examples = examples(&embeddings, &tables.readings, &tables.units);
     let fitted = recipe(ridge(), &[0])
         .fit(&examples, &tables.all(), 0)
         .unwrap();
-    let about = About {
-        name: "test".into(),
-        frame_size: [SIDE, SIDE],
-        angles: vec![0.0],
-        ..About::default()
-    };
-    let estimator = Estimator::new(embedder, fitted, about).unwrap();
+    let estimator = Estimator::new(embedder, fitted, about(&[0])).unwrap();
     let folder = tempfile::tempdir().unwrap();
     estimator.save(folder.path()).unwrap();
     let again = Estimator::load(folder.path()).unwrap();

@@ -6,12 +6,12 @@ mod support;
 use std::collections::BTreeSet;
 
 use sps_dataset::{Source, Unit, Units};
-use sps_estimator::{About, Calibration, Estimator, Examples, Recipe, Regression, Watch, Widths};
+use sps_estimator::{Calibration, Estimator, Recipe, Regression, Watch, Widths};
 use sps_metrics::Level;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
-use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_regress::{AnyRegressor, TrainingData};
-use support::Photographs;
+use sps_regress::AnyRegressor;
+use sps_regress::kernel_ridge::KernelRidge;
+use support::{Photographs, about, examples};
 
 struct Streams(Photographs);
 
@@ -32,8 +32,7 @@ impl Streams {
 
     /// The photograph of the stream at which there is an alarm, of a model fitted on others.
     fn alarm(&self, fitted_on: &[usize], stream: &[usize], number: u64) -> Option<u64> {
-        let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-        let ridge = Regression::Rows(AnyRegressor::KernelRidge(ridge));
+        let ridge = Regression::Rows(AnyRegressor::KernelRidge(KernelRidge::default()));
         let calibration = Calibration {
             share: Some(0.25),
             level: Level::P90,
@@ -44,18 +43,9 @@ impl Streams {
             ..Recipe::new(ridge, self.0.readings.properties(), &[0], calibration)
         };
         let units = self.units();
-        let examples = Examples {
-            data: TrainingData::new(&self.0.embeddings, &self.0.readings),
-            units: &units,
-            encoder_saw: &[],
-        };
+        let examples = examples(&self.0.embeddings, &self.0.readings, &units);
         let fitted = recipe.fit(&examples, fitted_on, number).unwrap();
-        let about = About {
-            frame_size: [256, 256],
-            angles: vec![0.0],
-            ..About::default()
-        };
-        let model = Estimator::new(self.0.embedder.clone(), fitted, about).unwrap();
+        let model = Estimator::new(self.0.embedder.clone(), fitted, about(&[0])).unwrap();
         let mut watch = Watch::new(&model).unwrap();
         let row = |surface: &usize| self.0.embeddings.get(*surface, 0).unwrap();
         // By name, one kind follows the other.

@@ -17,15 +17,13 @@ use sps_models::encoders::{Block, Depths, Encoder, Precision};
 use sps_models::fitted_from_bytes;
 use sps_models::weights::Weights;
 use sps_onnx::{OnnxEncoder, Settings as OnnxSettings};
-use sps_regress::FittedRegressor;
 
 use crate::embedder::{Embedder, Network};
 use crate::error::{Error, Result};
 use crate::estimator::{About, Estimator};
-use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
+use crate::fitted::{Fitted, FittedOn, Interval, Measure, Stage};
 use crate::novelty::Familiar;
 use crate::precomputed::Precomputed;
-use crate::step::Step;
 
 /// Of the files that are written now.
 const FORMAT: u64 = 2;
@@ -51,7 +49,7 @@ struct Card {
     joint: Interval,
     fitted_on: FittedOn,
     measures: Vec<Measure>,
-    stages: Vec<StageCard>,
+    stages: Vec<Stage<ModelsCard>>,
     /// Why there is no file of what is familiar.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     no_familiar: Option<String>,
@@ -66,7 +64,7 @@ struct Format {
 }
 
 /// Of a card that is replaced.
-#[derive(Default, Deserialize)]
+#[derive(Deserialize)]
 struct Earlier {
     checksums: BTreeMap<String, String>,
 }
@@ -91,26 +89,6 @@ struct EncoderCard {
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct StageCard {
-    views: usize,
-    groups: Vec<GroupCard>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct GroupCard {
-    properties: Vec<usize>,
-    slots: Vec<usize>,
-    models: ModelsCard,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    errors: Option<ModelsCard>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    whole: Option<ModelsCard>,
-    least_errors: Vec<f64>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct ModelsCard {
     kind: String,
     file: String,
@@ -123,10 +101,9 @@ impl Estimator {
     /// One process may save into a folder at a time.
     ///
     /// # Errors
-    ///
     /// A file that cannot be written, numbers that are not finite.
     pub fn save(&self, folder: &Path) -> Result<()> {
-        fs::create_dir_all(folder).map_err(|error| file_error(folder, error))?;
+        fs::create_dir_all(folder).map_err(Error::file(folder))?;
         let mut files = Files {
             folder,
             written: BTreeSet::new(),
@@ -136,21 +113,18 @@ impl Estimator {
         if let Ok(familiar) = &self.fitted.familiar {
             files.write(FAMILIAR, &familiar.to_bytes()?)?;
         }
-        let mut stages = Vec::new();
-        for stage in &self.fitted.stages {
-            let groups = stage.groups.iter().enumerate();
-            let groups = groups.map(|(at, group)| files.group(group, (stage.views, at)));
-            stages.push(StageCard {
-                views: stage.views,
-                groups: groups.collect::<Result<_>>()?,
-            });
-        }
+        let stages = self.fitted.stages.iter().map(|stage| {
+            stage.with(|_, file, models| {
+                files.write(&file, &models.to_bytes()?)?;
+                let kind = models.kind().to_owned();
+                Ok(ModelsCard { kind, file })
+            })
+        });
+        let stages = stages.collect::<Result<_>>()?;
         let path = folder.join(CARD);
         let earlier = fs::read(&path).ok();
         let earlier = earlier.and_then(|text| serde_json::from_slice(&text).ok());
-        let Earlier {
-            checksums: mut names,
-        } = earlier.unwrap_or_default();
+        let mut names = earlier.map_or_else(BTreeMap::new, |Earlier { checksums }| checksums);
         names.extend(files.checksums.clone());
         let card = Card {
             format: FORMAT,
@@ -167,8 +141,8 @@ impl Estimator {
         };
         let text = serde_json::to_vec_pretty(&card);
         let text = text.map_err(|error| Error::artefact(&path, error))?;
-        write_file(&path, &text).map_err(|error| file_error(&path, error))?;
-        remove_others(folder, &names, &files.written).map_err(|error| file_error(folder, error))
+        write_file(&path, &text).map_err(Error::file(&path))?;
+        remove_others(folder, &names, &files.written).map_err(Error::file(folder))
     }
 
     /// Whether a folder holds a model, whole or not.
@@ -179,7 +153,6 @@ impl Estimator {
     /// Reads a model that [`Estimator::save`] wrote and checks that its files belong together.
     ///
     /// # Errors
-    ///
     /// A file that cannot be read, is damaged or was written with another; another format.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(CARD);
@@ -209,11 +182,15 @@ impl Estimator {
             Err(card.no_familiar.unwrap_or_default())
         };
         let stages = card.stages.iter().map(|stage| {
-            let groups = stage.groups.iter();
-            let groups = groups.map(|group| group.load(folder, &card.checksums));
-            Ok(Stage {
-                views: stage.views,
-                groups: groups.collect::<Result<_>>()?,
+            stage.with(|group, _, ModelsCard { kind, file }| {
+                let bytes = read_checked(folder, file, &card.checksums)?;
+                let models = fitted_from_bytes(kind, file, &bytes)?;
+                let (found, expected) = (models.trials().len(), group.properties.len());
+                if found == expected {
+                    return Ok(models);
+                }
+                let problem = format!("{found} models, expected {expected}");
+                Err(Error::artefact(&folder.join(file), problem))
             })
         });
         let fitted = Fitted {
@@ -310,31 +287,6 @@ impl EncoderCard {
     }
 }
 
-impl GroupCard {
-    fn load(&self, folder: &Path, checksums: &BTreeMap<String, String>) -> Result<Group> {
-        let models = |card: &ModelsCard| {
-            let bytes = read_checked(folder, &card.file, checksums)?;
-            let models = fitted_from_bytes(&card.kind, &card.file, &bytes)?;
-            if models.trials().len() == self.properties.len() {
-                return Ok(models);
-            }
-            let found = models.trials().len();
-            let problem = format!("{found} models, expected {}", self.properties.len());
-            Err(Error::artefact(&folder.join(&card.file), problem))
-        };
-        Ok(Group {
-            properties: self.properties.clone(),
-            slots: self.slots.clone(),
-            step: Step {
-                models: models(&self.models)?,
-                errors: self.errors.as_ref().map(models).transpose()?,
-                least: self.least_errors.clone(),
-            },
-            whole: self.whole.as_ref().map(models).transpose()?,
-        })
-    }
-}
-
 struct Files<'a> {
     folder: &'a Path,
     written: BTreeSet<String>,
@@ -348,7 +300,7 @@ impl Files<'_> {
         let renamed = renamed(name, &hash).filter(|_| taken);
         let file = renamed.unwrap_or_else(|| name.to_owned());
         let path = self.folder.join(&file);
-        write_file(&path, bytes).map_err(|error| file_error(&path, error))?;
+        write_file(&path, bytes).map_err(Error::file(&path))?;
         self.written.insert(file);
         self.checksums.insert(name.to_owned(), hash);
         Ok(())
@@ -380,31 +332,6 @@ impl Files<'_> {
         }
         Ok(card)
     }
-
-    fn group(&mut self, group: &Group, (views, at): (usize, usize)) -> Result<GroupCard> {
-        let mut models = |what: &str, models: &dyn FittedRegressor| -> Result<ModelsCard> {
-            let file = format!("{what}-{views}-{at}");
-            self.write(&file, &models.to_bytes()?)?;
-            Ok(ModelsCard {
-                kind: models.kind().to_owned(),
-                file,
-            })
-        };
-        let errors = group.step.errors.as_ref();
-        let whole = group.whole.as_ref();
-        Ok(GroupCard {
-            properties: group.properties.clone(),
-            slots: group.slots.clone(),
-            models: models("models", group.step.models.as_ref())?,
-            errors: errors
-                .map(|errors| models("errors", errors.as_ref()))
-                .transpose()?,
-            whole: whole
-                .map(|whole| models("whole", whole.as_ref()))
-                .transpose()?,
-            least_errors: group.step.least.clone(),
-        })
-    }
 }
 
 /// The file `name` in a folder where another has that name; `None` where `checksum` is none.
@@ -434,22 +361,13 @@ fn remove_others(
     Ok(())
 }
 
-fn file_error(path: &Path, error: std::io::Error) -> Error {
-    Error::File {
-        path: path.to_owned(),
-        error,
-    }
-}
-
 fn read(path: &Path) -> Result<Vec<u8>> {
-    let length = fs::metadata(path)
-        .map_err(|error| file_error(path, error))?
-        .len();
+    let length = fs::metadata(path).map_err(Error::file(path))?.len();
     if length > MOST_TEXT {
         let problem = format!("{length} bytes, expected at most {MOST_TEXT}");
         return Err(Error::artefact(path, problem));
     }
-    fs::read(path).map_err(|error| file_error(path, error))
+    fs::read(path).map_err(Error::file(path))
 }
 
 fn read_checked(
@@ -473,7 +391,7 @@ fn read_checked(
         .map(|file| folder.join(file))
         .filter(|path| path.exists())
         .unwrap_or(path);
-    let bytes = fs::read(&path).map_err(|error| file_error(&path, error))?;
+    let bytes = fs::read(&path).map_err(Error::file(&path))?;
     let found = blake3::hash(&bytes).to_hex();
     if checksum.is_some_and(|sum| *sum == *found) {
         return Ok(bytes);

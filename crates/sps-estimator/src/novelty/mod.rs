@@ -109,13 +109,9 @@ impl Familiar {
         for &step in steps {
             let of_surface = |at: usize| {
                 let one = &familiar.surface(at)[..step * familiar.width];
-                let mut nearest = Smallest::default();
-                for (other, distance) in familiar.distances(one).enumerate() {
-                    if other != at {
-                        nearest.take(distance);
-                    }
-                }
-                nearest.0
+                let others = familiar.distances(one).enumerate();
+                let others = others.filter(|(other, _)| *other != at);
+                smallest(others.map(|(_, distance)| distance))
             };
             let nearest: Vec<Vec<f32>> = (0..surfaces).into_par_iter().map(of_surface).collect();
             familiar.nearest.push((step, nearest.concat()));
@@ -132,19 +128,13 @@ impl Familiar {
     /// fitted on lies as far from them.
     ///
     /// # Errors
-    ///
     /// Embeddings of another width, or of a number of views that was not fitted.
     pub(crate) fn p_values(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
-        let step = self
-            .nearest
-            .iter()
-            .find(|(step, _)| *step == embeddings.views());
-        let Some((step, nearest)) = step.filter(|_| embeddings.width() == self.width) else {
-            let found = format!(
-                "{} views of width {}",
-                embeddings.views(),
-                embeddings.width()
-            );
+        let (views, width) = (embeddings.views(), embeddings.width());
+        let mut steps = self.nearest.iter();
+        let step = steps.find(|(step, _)| (*step, self.width) == (views, width));
+        let Some((step, nearest)) = step else {
+            let found = format!("{views} views of width {width}");
             let expected = format!("{} of width {}", self.views, self.width);
             return refuse("embeddings to hold against others", found, expected);
         };
@@ -156,18 +146,13 @@ impl Familiar {
     fn p_value(&self, new: &[f32], nearest: &[f32]) -> f64 {
         let neighbours = self.neighbours();
         let distances: Vec<f32> = self.distances(new).collect();
-        let mut of_new = Smallest::default();
-        for &distance in &distances {
-            of_new.take(distance);
-        }
+        let of_new = smallest(distances.iter().copied());
         // One more than the others have, with only two surfaces: scores go by as many.
-        let score = mean(of_new.0.iter().copied().take(neighbours));
+        let score = mean(of_new.into_iter().take(neighbours));
         let others = distances.iter().zip(nearest.chunks_exact(neighbours));
         let strange = others.filter(|(distance, nearest)| {
             let with_new = nearest.iter().copied().chain([**distance]);
-            let mut smallest = Smallest::default();
-            with_new.for_each(|distance| smallest.take(distance));
-            mean(smallest.0.into_iter().take(neighbours)) >= score
+            mean(smallest(with_new).into_iter().take(neighbours)) >= score
         });
         (1 + strange.count()) as f64 / (self.surfaces + 1) as f64
     }
@@ -205,13 +190,9 @@ impl Familiar {
     }
 
     fn score_of(&self, one: &[f32]) -> f64 {
-        let mut nearest = Smallest::default();
-        for (at, distance) in self.distances(one).enumerate() {
-            if self.aside.all.binary_search(&at).is_err() {
-                nearest.take(distance);
-            }
-        }
-        mean(nearest.0.into_iter())
+        let fitted = self.distances(one).enumerate();
+        let fitted = fitted.filter(|(at, _)| self.aside.all.binary_search(at).is_err());
+        mean(smallest(fitted.map(|(_, distance)| distance)).into_iter())
     }
 
     fn neighbours(&self) -> usize {
@@ -232,34 +213,34 @@ impl Familiar {
     /// A safetensors file: `units`, `nearest.M` for each number of views M, `aside`, [`Aside::mark`] of each
     /// surface, and `photograph.N` of the Nth of [`NAMES`].
     pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
-        let bytes = |values: &[f32]| -> Vec<u8> {
-            values
-                .iter()
-                .flat_map(|value| value.to_le_bytes())
-                .collect()
+        let of_numbers = |name: String, shape: &[usize], values: &[f32]| {
+            let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+            (name, Dtype::F32, shape.to_vec(), bytes.collect::<Vec<u8>>())
         };
-        let mut tensors = vec![(
-            "units".to_owned(),
-            vec![self.surfaces, self.views, self.width],
-            bytes(&self.units),
-        )];
+        let shape = [self.surfaces, self.views, self.width];
         let marks: Vec<f32> = (0..self.surfaces).map(|at| self.aside.mark(at)).collect();
-        tensors.push(("aside".to_owned(), vec![self.surfaces], bytes(&marks)));
+        let mut tensors = vec![
+            of_numbers("units".to_owned(), &shape, &self.units),
+            of_numbers("aside".to_owned(), &shape[..1], &marks),
+        ];
         for (step, nearest) in &self.nearest {
-            let shape = vec![self.surfaces, self.neighbours()];
-            tensors.push((format!("nearest.{step}"), shape, bytes(nearest)));
+            let shape = [self.surfaces, self.neighbours()];
+            tensors.push(of_numbers(format!("nearest.{step}"), &shape, nearest));
+        }
+        for (at, shown) in self.shown.iter().enumerate() {
+            let bytes = shown.photograph.clone();
+            tensors.push((
+                format!("photograph.{at}"),
+                Dtype::U8,
+                vec![bytes.len()],
+                bytes,
+            ));
         }
         let refused = |error| Error::input("surfaces to hold against", error, "tensors");
-        let numbers = tensors.iter().map(|(name, shape, bytes)| {
-            let tensor = TensorView::new(Dtype::F32, shape.clone(), bytes)?;
-            Ok((name.clone(), tensor))
+        let all = tensors.iter().map(|(name, dtype, shape, bytes)| {
+            Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?))
         });
-        let photographs = self.shown.iter().enumerate().map(|(at, shown)| {
-            let bytes = shown.photograph.as_slice();
-            let tensor = TensorView::new(Dtype::U8, vec![bytes.len()], bytes)?;
-            Ok((format!("photograph.{at}"), tensor))
-        });
-        let all = numbers.chain(photographs).collect::<Result<Vec<_>, _>>();
+        let all = all.collect::<Result<Vec<_>, _>>();
         let names: Vec<&str> = self.shown.iter().map(|shown| shown.name.as_str()).collect();
         let names = serde_json::to_string(&names).unwrap_or_default();
         let header = HashMap::from([(NAMES.to_owned(), names)]);
@@ -367,19 +348,17 @@ fn units_of(embeddings: &Embeddings, surface: usize) -> Vec<f32> {
     units
 }
 
-/// The smallest distances that were taken, ascending.
-#[derive(Default)]
-struct Smallest(Vec<f32>);
-
-impl Smallest {
-    fn take(&mut self, distance: f32) {
-        if self.0.len() == NEIGHBOURS && self.0.last().is_some_and(|last| distance >= *last) {
-            return;
+/// The smallest of some distances, ascending.
+fn smallest(distances: impl Iterator<Item = f32>) -> Vec<f32> {
+    let mut smallest: Vec<f32> = Vec::with_capacity(NEIGHBOURS + 1);
+    for distance in distances {
+        if smallest.len() < NEIGHBOURS || distance < smallest[NEIGHBOURS - 1] {
+            let at = smallest.partition_point(|other| *other <= distance);
+            smallest.insert(at, distance);
+            smallest.truncate(NEIGHBOURS);
         }
-        let at = self.0.partition_point(|other| *other <= distance);
-        self.0.insert(at, distance);
-        self.0.truncate(NEIGHBOURS);
     }
+    smallest
 }
 
 /// The mean distance of squared ones.

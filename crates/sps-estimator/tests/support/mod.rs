@@ -11,7 +11,7 @@ use sps_estimator::{
 };
 use sps_metrics::Level;
 use sps_models::encoders::{Block, Depths, Encoder, EncoderKind};
-use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::ridge::Ridge;
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
 pub(crate) const SIDE: usize = 32;
@@ -51,9 +51,7 @@ pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
 }
 
 pub(crate) fn ridge() -> Regression {
-    Regression::Rows(AnyRegressor::Ridge(
-        Ridge::new(RidgeConfig::default()).unwrap(),
-    ))
+    Regression::Rows(AnyRegressor::Ridge(Ridge::default()))
 }
 
 /// Tables of surfaces of which so many form a group.
@@ -115,12 +113,7 @@ impl Tables {
     }
 
     pub(crate) fn examples(&self) -> Examples<'_> {
-        let data = TrainingData::new(&self.embeddings, &self.readings);
-        Examples {
-            data: data.with_units(self.units.of_surface()),
-            units: &self.units,
-            encoder_saw: &[],
-        }
+        examples(&self.embeddings, &self.readings, &self.units)
     }
 
     pub(crate) fn all(&self) -> Vec<usize> {
@@ -143,23 +136,38 @@ impl Tables {
         recipe: &Recipe,
         saw: &[usize],
     ) -> sps_estimator::Result<Fitted> {
-        let examples = Examples {
-            encoder_saw: saw,
-            ..self.examples()
-        };
+        let mut examples = self.examples();
+        examples.encoder_saw = saw;
         recipe.fit(&examples, &self.all(), 0)
     }
 
     pub(crate) fn estimator(&self, recipe: &Recipe) -> Estimator {
         let fitted = self.fit(recipe).unwrap();
-        let views = recipe.slots().unwrap();
-        let about = About {
-            name: "test".into(),
-            frame_size: [SIDE, SIDE],
-            angles: views.iter().map(|&view| 10.0 * view as f64).collect(),
-            ..About::default()
-        };
+        let about = about(&recipe.slots().unwrap());
         Estimator::new(embedder_of(self.resize), fitted, about).unwrap()
+    }
+}
+
+/// Of photographs of such views, ten degrees apart.
+pub(crate) fn about(views: &[usize]) -> About {
+    About {
+        name: "test".into(),
+        frame_size: [SIDE, SIDE],
+        angles: views.iter().map(|&view| 10.0 * view as f64).collect(),
+        ..About::default()
+    }
+}
+
+/// Of an encoder that learned from none of them.
+pub(crate) fn examples<'a>(
+    embeddings: &'a Embeddings,
+    readings: &'a Readings,
+    units: &'a Units,
+) -> Examples<'a> {
+    Examples {
+        data: TrainingData::new(embeddings, readings).with_units(units.of_surface()),
+        units,
+        encoder_saw: &[],
     }
 }
 

@@ -217,7 +217,7 @@ fn answers(
     watch: Option<&Watch<&Estimator>>,
 ) -> Vec<Result<(Answer, Option<f64>)>> {
     let all: Vec<&Frame> = read.iter().flatten().flatten().collect();
-    let together = model.embedder().embed_each(&all).ok();
+    let together = model.embedder().embed(&all).ok();
     let mut together = together.as_deref();
     let width = model.embedder().width();
     let mut answer = |photographs: Result<Vec<Frame>>| {

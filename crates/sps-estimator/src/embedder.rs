@@ -62,13 +62,12 @@ impl Network {
 
     /// The blocks of an embedding, in their order.
     pub fn blocks(&self) -> Vec<Block> {
-        let block = |(name, width): &(String, usize)| Block {
-            name: name.clone(),
-            width: *width,
-        };
         match self {
             Self::Images(encoder) | Self::Sequences(encoder, _) => encoder.blocks(),
-            Self::Onnx(encoder) => encoder.blocks().iter().map(block).collect(),
+            Self::Onnx(encoder) => {
+                let blocks = encoder.blocks().iter().cloned();
+                blocks.map(|(name, width)| Block { name, width }).collect()
+            }
             Self::Precomputed(rows) => rows.blocks().to_vec(),
         }
     }

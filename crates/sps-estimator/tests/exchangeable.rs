@@ -3,7 +3,7 @@
 mod support;
 
 use sps_dataset::{Surface, Units};
-use sps_estimator::{Calibration, Predictions, Recipe, Widths};
+use sps_estimator::{Calibration, Fitted, Predictions, Recipe, Widths};
 use sps_metrics::Level;
 use sps_regress::{Embeddings, Readings};
 use support::{examples, ridge, uniform};
@@ -41,6 +41,23 @@ fn grouped(groups: usize, of_group: usize) -> Units {
         group: (at / of_group).to_string(),
     };
     Units::of(&(0..groups * of_group).map(surface).collect::<Vec<_>>())
+}
+
+/// Fits to single surfaces and what was felt on each, a value for each property.
+fn fitted(recipe: &Recipe, embedded: &Embeddings, felt: &[Vec<f64>], draw: usize) -> Fitted {
+    let cells = |felt: &Vec<f64>| felt.iter().copied().map(Some).collect();
+    let rows: Vec<Vec<Option<f64>>> = felt.iter().map(cells).collect();
+    let names = recipe.wanted.iter().map(|wanted| wanted.property.clone());
+    let readings = Readings::new(names.collect(), &rows).unwrap();
+    let (units, all) = (grouped(rows.len(), 1), (0..rows.len()).collect::<Vec<_>>());
+    let examples = examples(embedded, &readings, &units);
+    recipe.fit(&examples, &all, draw as u64).unwrap()
+}
+
+/// Whether the interval of a property of a surface holds a value.
+fn holds(predictions: &Predictions, property: usize, surface: usize, value: f64) -> bool {
+    let interval = predictions.properties[property].intervals.as_ref().unwrap()[surface];
+    (interval.low..=interval.high).contains(&value)
 }
 
 /// Three standard errors of a share of 0.8 that draws of so many new surfaces each find. Surfaces of one
@@ -198,7 +215,6 @@ fn joint_intervals_hold_all_properties_at_once() {
     const SURFACES: usize = 60;
     const NEW: usize = 20;
     let names: Vec<String> = (0..PROPERTIES).map(|at| at.to_string()).collect();
-    let units = grouped(SURFACES, 1);
     let alike = recipe(0.4, 0);
     let recipe = Recipe {
         widths: alike.widths,
@@ -215,25 +231,14 @@ fn joint_intervals_hold_all_properties_at_once() {
         };
         let (rows, felt): (Vec<_>, Vec<_>) = (0..SURFACES + NEW).map(of).unzip();
         let (rows, new) = rows.split_at(SURFACES);
-        let readings: Vec<Vec<Option<f64>>> = felt[..SURFACES]
-            .iter()
-            .map(|felt| felt.iter().copied().map(Some).collect())
-            .collect();
-        let (embedded, readings) = (
-            embeddings(rows),
-            Readings::new(names.clone(), &readings).unwrap(),
-        );
-        let all: Vec<usize> = (0..SURFACES).collect();
-        let examples = examples(&embedded, &readings, &units);
-        let fitted = recipe.fit(&examples, &all, draw as u64).unwrap();
+        let (felt, truths) = felt.split_at(SURFACES);
+        let fitted = fitted(&recipe, &embeddings(rows), felt, draw);
         let hold = |predictions: &Predictions| {
-            let holds = |surface: usize| {
-                predictions.properties.iter().enumerate().all(|(at, of)| {
-                    let interval = of.intervals.as_ref().unwrap()[surface];
-                    (interval.low..=interval.high).contains(&felt[SURFACES + surface][at])
-                })
+            let hold = |&surface: &usize| {
+                let held = |at: usize| holds(predictions, at, surface, truths[surface][at]);
+                (0..PROPERTIES).all(held)
             };
-            (0..NEW).filter(|&surface| holds(surface)).count()
+            (0..NEW).filter(hold).count()
         };
         alone += hold(&fitted.predict(&embeddings(new)).unwrap());
         at_once += hold(&fitted.predict_jointly(&embeddings(new)).unwrap());
@@ -256,7 +261,6 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
     const VIEWS: usize = 3;
     const SURFACES: usize = 60;
     const NEW: usize = 20;
-    let units = grouped(SURFACES, 1);
     let mut recipe = recipe(0.4, 0);
     recipe.one_by_one = true;
     recipe.widths = Widths::ByPhotograph;
@@ -275,12 +279,9 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
             let values = rows.flatten().collect();
             Embeddings::new(values, [surfaces.len(), VIEWS, 2]).unwrap()
         };
-        let rows: Vec<Vec<Option<f64>>> = (0..SURFACES).map(|at| vec![Some(felt(at))]).collect();
         let (embedded, new) = (of(0..SURFACES), of(SURFACES..SURFACES + NEW));
-        let readings = Readings::new(vec!["felt".into()], &rows).unwrap();
-        let all: Vec<usize> = (0..SURFACES).collect();
-        let examples = examples(&embedded, &readings, &units);
-        let fitted = recipe.fit(&examples, &all, draw as u64).unwrap();
+        let rows: Vec<Vec<f64>> = (0..SURFACES).map(|at| vec![felt(at)]).collect();
+        let fitted = fitted(&recipe, &embedded, &rows, draw);
         let surfaces: Vec<usize> = (0..NEW).collect();
         let step = |count| {
             let slots: Vec<usize> = (0..count).collect();
@@ -288,15 +289,12 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
             fitted.predict(&seen).unwrap()
         };
         let steps: Vec<Predictions> = fitted.steps().map(step).collect();
-        let holds = |step: &Predictions, surface: usize| {
-            let interval = step.properties[0].intervals.as_ref().unwrap()[surface];
-            (interval.low..=interval.high).contains(&felt(SURFACES + surface))
-        };
         for (surface, end) in fitted.ends(&steps, 1.6, 0..1).into_iter().enumerate() {
             views[end] += 1;
-            held[0] += usize::from(holds(&steps[end], surface));
+            let holds = |step: &Predictions| holds(step, 0, surface, felt(SURFACES + surface));
+            held[0] += usize::from(holds(&steps[end]));
             // Whoever stops where it is worst.
-            held[1] += usize::from(steps.iter().all(|step| holds(step, surface)));
+            held[1] += usize::from(steps.iter().all(holds));
         }
     }
     let share = held.map(|count| count as f64 / (draws * NEW) as f64);

@@ -223,14 +223,6 @@ impl Metric {
             Self::Spearman => Scale::Fisher,
         }
     }
-
-    /// Which of two scores of this metric is the better one.
-    pub const fn better(self) -> Better {
-        match self {
-            Self::R2(_) | Self::R2OwnMean | Self::Spearman => Better::Higher,
-            Self::Mae | Self::Rmse | Self::MedianPercentError => Better::Lower,
-        }
-    }
 }
 
 /// Every score of one property.

@@ -278,38 +278,31 @@ impl Trial {
     }
 
     fn check_views(&self, wanted: Option<usize>, views: usize) -> Result<(), (String, String)> {
-        match &self.views {
-            Views::Fixed(picked) => check_picked(picked, wanted, views),
-            Views::Steps(steps) if steps.is_empty() => {
-                Err(("views for no step".into(), "at least one".into()))
-            }
-            Views::Steps(steps) => steps
-                .iter()
-                .try_for_each(|picked| check_picked(picked, wanted, views)),
+        let steps = match &self.views {
+            Views::Fixed(picked) => std::slice::from_ref(picked),
+            Views::Steps(steps) => steps,
             Views::Random => match wanted {
-                Some(wanted) if wanted > views => Err((
-                    format!("{wanted} random views"),
-                    format!("at most the {views} that there are"),
-                )),
-                Some(_) => Ok(()),
-                None => Err(("random views for view pooling".into(), "fixed views".into())),
+                Some(wanted) if wanted > views => {
+                    let expected = format!("at most the {views} that there are");
+                    return Err((format!("{wanted} random views"), expected));
+                }
+                Some(_) => return Ok(()),
+                None => return Err(("random views for view pooling".into(), "fixed views".into())),
             },
+        };
+        if steps.is_empty() {
+            return Err(("views for no step".into(), "at least one".into()));
         }
-    }
-}
-
-fn check_picked(
-    picked: &[usize],
-    wanted: Option<usize>,
-    views: usize,
-) -> Result<(), (String, String)> {
-    if picked.is_empty() || wanted.is_some_and(|wanted| wanted != picked.len()) {
-        let wanted = wanted.map_or("at least one".into(), |n| n.to_string());
-        return Err((format!("{} views", picked.len()), wanted));
-    }
-    match picked.iter().find(|&&view| view >= views) {
-        Some(view) => Err((format!("view {view}"), format!("below {views}"))),
-        None => Ok(()),
+        for picked in steps {
+            if picked.is_empty() || wanted.is_some_and(|wanted| wanted != picked.len()) {
+                let wanted = wanted.map_or("at least one".into(), |n| n.to_string());
+                return Err((format!("{} views", picked.len()), wanted));
+            }
+            if let Some(view) = picked.iter().find(|&&view| view >= views) {
+                return Err((format!("view {view}"), format!("below {views}")));
+            }
+        }
+        Ok(())
     }
 }
 

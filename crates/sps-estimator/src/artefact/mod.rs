@@ -270,11 +270,8 @@ impl EncoderCard {
             return Ok(Network::Onnx(encoder));
         }
         if let Some(blocks) = &self.precomputed {
-            let block = |(name, width): &(String, usize)| Block {
-                name: name.clone(),
-                width: *width,
-            };
-            let blocks = blocks.iter().map(block).collect();
+            let blocks = blocks.iter().cloned();
+            let blocks = blocks.map(|(name, width)| Block { name, width }).collect();
             let rows = Precomputed::new(blocks, Vec::new(), Vec::new())?;
             return Ok(Network::Precomputed(Arc::new(rows)));
         }

@@ -309,10 +309,8 @@ impl Familiar {
 
 /// What a file has of so many surfaces for people.
 fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec<Shown>, String> {
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
-    let names = header.metadata().as_ref().and_then(|all| all.get(NAMES));
-    let names = names.map_or("[]", String::as_str);
-    let names: Vec<String> = serde_json::from_str(names).map_err(|error| error.to_string())?;
+    let names = sps_weights::note(bytes, NAMES).unwrap_or_else(|_| "[]".to_owned());
+    let names: Vec<String> = serde_json::from_str(&names).map_err(|error| error.to_string())?;
     if ![0, surfaces].contains(&names.len()) {
         return Err(format!("found {} names, expected {surfaces}", names.len()));
     }

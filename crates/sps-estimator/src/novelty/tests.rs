@@ -18,6 +18,11 @@ fn embeddings(values: Vec<f32>, views: usize, width: usize) -> Embeddings {
     Embeddings::new(values, [surfaces, views, width]).unwrap()
 }
 
+/// Of one view each, with none kept aside.
+fn familiar(values: Vec<f32>, width: usize) -> Familiar {
+    Familiar::of(&embeddings(values, 1, width), &[1], Aside::default()).unwrap()
+}
+
 /// As the definition has it: every surface scored among all others, in f64. The least and the most
 /// that rounding to f32 can make of it; scores that are equal are so in either.
 fn naive(all: &[&[f32]], new: &[f32]) -> [f64; 2] {
@@ -53,7 +58,7 @@ proptest! {
         const WIDTH: usize = 19;
         let values = numbers(seed, (surfaces + 1) * WIDTH);
         let (known, new) = values.split_at(surfaces * WIDTH);
-        let familiar = Familiar::of(&embeddings(known.to_vec(), 1, WIDTH), &[1], Aside::default()).unwrap();
+        let familiar = familiar(known.to_vec(), WIDTH);
         let found = familiar.p_values(&embeddings(new.to_vec(), 1, WIDTH)).unwrap()[0];
         let all: Vec<&[f32]> = known.chunks_exact(WIDTH).collect();
         let [least, most] = naive(&all, new);
@@ -69,8 +74,7 @@ fn p_values_are_uniform_where_nothing_is_new() {
     let p_value = |seed: u64| {
         let values = numbers(seed, (SURFACES + 1) * 6);
         let (known, new) = values.split_at(SURFACES * 6);
-        let familiar =
-            Familiar::of(&embeddings(known.to_vec(), 1, 6), &[1], Aside::default()).unwrap();
+        let familiar = familiar(known.to_vec(), 6);
         familiar.p_values(&embeddings(new.to_vec(), 1, 6)).unwrap()[0]
     };
     let p_values: Vec<f64> = (0..DRAWS).map(p_value).collect();
@@ -87,18 +91,14 @@ fn hard_cases() {
     let reason = Familiar::of(&one, &[1], Aside::default()).unwrap_err();
     assert!(reason.contains("found 1 surface"), "{reason}");
     // Black photographs have no direction; identical ones no distance.
-    let known = embeddings([vec![0.0; 8], vec![1.0; 16]].concat(), 1, 8);
-    let familiar = Familiar::of(&known, &[1], Aside::default()).unwrap();
+    let familiar = familiar([vec![0.0; 8], vec![1.0; 16]].concat(), 8);
     let p_values = familiar.p_values(&embeddings([vec![0.0; 8], vec![2.0; 8]].concat(), 1, 8));
     assert_eq!(p_values.unwrap(), [1.0, 1.0]);
-    let error = familiar
-        .p_values(&embeddings(vec![1.0; 9], 1, 9))
-        .unwrap_err();
-    assert!(error.to_string().contains("1 views of width 9"), "{error}");
-    let error = familiar
-        .p_values(&embeddings(vec![1.0; 16], 2, 8))
-        .unwrap_err();
-    assert!(error.to_string().contains("2 views"), "{error}");
+    for (views, width, found) in [(1, 9, "1 views of width 9"), (2, 8, "2 views")] {
+        let other = embeddings(vec![1.0; views * width], views, width);
+        let error = familiar.p_values(&other).unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
+    }
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn several_views_are_held_against_several() {
     let first: Vec<f32> = (0..12)
         .flat_map(|at| known.get(at, 0).unwrap().to_vec())
         .collect();
-    let alone = Familiar::of(&embeddings(first, 1, 5), &[1], Aside::default()).unwrap();
+    let alone = self::familiar(first, 5);
     let new_first = embeddings(new.get(0, 0).unwrap().to_vec(), 1, 5);
     assert_eq!(
         familiar.p_values(&new_first).unwrap(),
@@ -124,12 +124,7 @@ fn several_views_are_held_against_several() {
 
 #[test]
 fn other_bytes_are_refused() {
-    let familiar = Familiar::of(
-        &embeddings(numbers(3, 12 * 5), 1, 5),
-        &[1],
-        Aside::default(),
-    )
-    .unwrap();
+    let familiar = familiar(numbers(3, 12 * 5), 5);
     let bytes = familiar.to_bytes().unwrap();
     for at in 0..bytes.len().min(200) {
         assert!(Familiar::from_bytes(&bytes[..at]).is_err(), "{at}");
@@ -137,36 +132,26 @@ fn other_bytes_are_refused() {
     let mut not_finite = bytes.clone();
     let end = not_finite.len();
     not_finite[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(
-        Familiar::from_bytes(&not_finite)
-            .unwrap_err()
-            .contains("NaN")
-    );
+    let reason = Familiar::from_bytes(&not_finite).unwrap_err();
+    assert!(reason.contains("NaN"), "{reason}");
 }
 
 /// Distances between points of a circle, by hand: the chord of an angle a is 2 sin(a / 2).
 #[test]
 fn the_nearest_is_nearest_by_the_mean_over_photographs() {
-    let at = |degrees: f64| {
-        [
-            degrees.to_radians().cos() as f32,
-            degrees.to_radians().sin() as f32,
-        ]
-    };
-    let points = |all: &[f64]| embeddings(all.iter().copied().flat_map(at).collect(), 1, 2);
-    let known = points(&[0.0, 60.0, 90.0, 180.0]);
-    let familiar = Familiar::of(&known, &[1], Aside::default()).unwrap();
+    let at = |degrees: f64| <[f64; 2]>::from(degrees.to_radians().sin_cos()).map(|x| x as f32);
+    let points = |all: &[f64]| all.iter().copied().flat_map(at).collect::<Vec<f32>>();
+    let familiar = familiar(points(&[0.0, 60.0, 90.0, 180.0]), 2);
     let two = points(&[150.0, 0.0, 120.0]);
-    let found = familiar.nearest(&two, 1..3);
+    let found = familiar.nearest(&embeddings(two, 1, 2), 1..3);
     let chord = |degrees: f64| 2.0 * (degrees / 2.0).to_radians().sin();
     let mean = |a: f64, b: f64| f64::midpoint(chord(a), chord(b));
-    let expected = [
+    let mut expected = [
         (0, mean(0.0, 120.0)),
         (1, mean(60.0, 60.0)),
         (2, mean(90.0, 30.0)),
         (3, mean(180.0, 60.0)),
     ];
-    let mut expected = expected.to_vec();
     expected.sort_by(|a, b| a.1.total_cmp(&b.1));
     for (found, expected) in found.iter().zip(&expected) {
         assert_eq!(found.0, expected.0);

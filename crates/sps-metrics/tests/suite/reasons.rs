@@ -1,15 +1,15 @@
 //! What has no score says why.
 
 use sps_metrics::{
-    InvalidLevel, Level, Metric, NonFiniteKind, Outcome, Quantity, Samples, Scores, TrainingMean,
-    Undefined,
+    InvalidLevel, Level, NonFiniteKind, Quantity, Samples, Scores, TrainingMean, Undefined,
 };
 
 use crate::support::every_metric;
 
-fn for_every_metric(samples: Samples<'_>, check: impl Fn(Metric, Outcome)) {
+fn assert_refused(samples: Samples<'_>, reason: Undefined) {
+    let reason = Err(reason);
     for metric in every_metric(1.0) {
-        check(metric, metric.score(samples));
+        assert_eq!(metric.score(samples), reason, "{metric:?}");
     }
 }
 
@@ -19,20 +19,16 @@ fn empty_and_unequal_sets_are_refused_by_every_metric() {
         truth: &[],
         estimate: &[],
     };
-    for_every_metric(empty, |metric, outcome| {
-        assert_eq!(outcome, Err(Undefined::Empty), "{metric:?}");
-    });
+    assert_refused(empty, Undefined::Empty);
     let unequal = Samples {
         truth: &[1.0, 2.0],
         estimate: &[1.0],
     };
-    for_every_metric(unequal, |metric, outcome| {
-        let reason = Undefined::LengthMismatch {
-            truths: 2,
-            estimates: 1,
-        };
-        assert_eq!(outcome, Err(reason), "{metric:?}");
-    });
+    let reason = Undefined::LengthMismatch {
+        truths: 2,
+        estimates: 1,
+    };
+    assert_refused(unequal, reason);
 }
 
 #[test]
@@ -42,16 +38,14 @@ fn an_infinite_estimate_is_named_by_every_metric() {
         truth: &[0.0, 2.0, 3.0, 4.0],
         estimate: &[1.0, f64::NEG_INFINITY, 3.0, f64::NAN],
     };
-    for_every_metric(samples, |metric, outcome| {
-        let reason = Undefined::NonFinite {
-            quantity: Quantity::Estimate,
-            index: 1,
-            kind: NonFiniteKind::NegativeInfinity,
-            count: 2,
-            of: 4,
-        };
-        assert_eq!(outcome, Err(reason), "{metric:?}");
-    });
+    let reason = Undefined::NonFinite {
+        quantity: Quantity::Estimate,
+        index: 1,
+        kind: NonFiniteKind::NegativeInfinity,
+        count: 2,
+        of: 4,
+    };
+    assert_refused(samples, reason);
 }
 
 #[test]

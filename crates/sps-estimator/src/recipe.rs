@@ -353,9 +353,9 @@ impl Fitting<'_> {
         let aside = &self.split.validation;
         let wanted = self.recipe.wanted.iter();
         let truths: Vec<_> = wanted.map(|wanted| self.readings(wanted, aside)).collect();
-        let none =
-            |truths: &Vec<Option<f64>>| truths.iter().map(|truth| truth.map(|_| 0.0)).collect();
-        let mut scores: Vec<Vec<Option<f64>>> = truths.iter().map(none).collect();
+        let zero = |truth: &Option<f64>| truth.map(|_| 0.0);
+        let zeros = truths.iter().map(|of| of.iter().map(zero).collect());
+        let mut scores: Vec<Vec<Option<f64>>> = zeros.collect();
         for stage in &fitted.stages {
             let slots = &self.slots[..stage.views];
             let embeddings = self.examples.data.embeddings.select(aside, slots)?;

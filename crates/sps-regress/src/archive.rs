@@ -174,9 +174,8 @@ impl<'a> Contents<'a> {
         let ([rows, found], bytes) = self.tensor(name, Dtype::F64)?;
         if found != length || length == 0 {
             let found = format_args!("{name} of shape [{rows}, {found}]");
-            return Err(self
-                .archive
-                .refused(found, format_args!("rows of {length}")));
+            let expected = format_args!("rows of {length}");
+            return Err(self.archive.refused(found, expected));
         }
         let (values, _) = bytes.as_chunks::<8>();
         let values: Vec<f64> = values.iter().map(|b| f64::from_le_bytes(*b)).collect();
@@ -193,9 +192,8 @@ impl<'a> Contents<'a> {
         // With these the product of the others might be more than a number holds.
         if shape.contains(&0) {
             let found = format_args!("{name} of shape {shape:?}");
-            return Err(self
-                .archive
-                .refused(found, "a surface, a view and a feature"));
+            let expected = "a surface, a view and a feature";
+            return Err(self.archive.refused(found, expected));
         }
         let (values, _) = bytes.as_chunks::<4>();
         let values: Vec<f32> = values.iter().map(|b| f32::from_le_bytes(*b)).collect();

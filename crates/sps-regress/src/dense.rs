@@ -8,7 +8,7 @@
 
 use faer::linalg::matmul::matmul;
 use faer::traits::RealField;
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 /// `left right`, written to `product` or added to it.
 pub fn multiply<T: RealField>(
@@ -18,6 +18,13 @@ pub fn multiply<T: RealField>(
     right: MatRef<'_, T>,
 ) {
     cleanly(|| matmul(product, accumulate, left, right, T::one_impl(), Par::Seq));
+}
+
+/// `left right`.
+pub(crate) fn product(left: MatRef<'_, f64>, right: &Mat<f64>) -> Mat<f64> {
+    let mut product = Mat::zeros(left.nrows(), right.ncols());
+    multiply(product.as_mut(), Accum::Replace, left, right.as_ref());
+    product
 }
 
 /// What `work` gives, which may leave registers in use.

@@ -31,20 +31,12 @@ impl LeftOut {
             let unit = units.map_or(surface, |units| units[surface]);
             parts.entry(unit).or_default().push(place);
         }
-        if parts.len() == 1 {
-            return Self::singly(surfaces.len());
-        }
-        Self {
-            parts: parts.into_values().collect(),
-            surfaces: surfaces.len(),
-        }
-    }
-
-    fn singly(surfaces: usize) -> Self {
-        Self {
-            parts: (0..surfaces).map(|place| vec![place]).collect(),
-            surfaces,
-        }
+        let surfaces = surfaces.len();
+        let parts = match parts.len() {
+            1 => (0..surfaces).map(|place| vec![place]).collect(),
+            _ => parts.into_values().collect(),
+        };
+        Self { parts, surfaces }
     }
 
     /// The parts' blocks of the identity less the hat matrix `H` of a linear fit, made ready for any

@@ -49,11 +49,8 @@ impl Pca {
         // Below this, a singular value is rounding of the values or of their mean.
         let largest = rows.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
         let rounding = samples.max(features) as f64 * f64::EPSILON * largest;
-        let kept = singular
-            .iter()
-            .take(components)
-            .take_while(|&&s| s > rounding)
-            .count();
+        let kept = singular.iter().take(components);
+        let kept = kept.take_while(|&&s| s > rounding).count();
         Ok(Self {
             mean,
             components: fix_signs(Array2::from_shape_fn((kept, features), |(k, feature)| {
@@ -120,13 +117,8 @@ fn decompose(table: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>)> {
 
 fn fix_signs(mut components: Array2<f64>) -> Array2<f64> {
     for mut component in components.rows_mut() {
-        let mut largest = 0.0_f64;
-        for &loading in &component {
-            if loading.abs() > largest.abs() {
-                largest = loading;
-            }
-        }
-        if largest < 0.0 {
+        let larger = |a: f64, &b: &f64| if b.abs() > a.abs() { b } else { a };
+        if component.iter().fold(0.0, larger) < 0.0 {
             component.mapv_inplace(|loading| -loading);
         }
     }

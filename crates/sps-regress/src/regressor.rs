@@ -238,25 +238,16 @@ pub(crate) fn fitted_within(
     bytes: &[u8],
     others: &[OtherKind],
 ) -> Result<Box<dyn FittedRegressor>> {
-    fn boxed<F: FittedRegressor + 'static>(fitted: F) -> Box<dyn FittedRegressor> {
-        Box::new(fitted)
-    }
     if let Some(other) = others.iter().find(|other| other.kind == kind) {
         return (other.read)(name, bytes);
     }
     let read = match kind {
-        TrainedRidge::KIND => TrainedRidges::from_bytes(bytes).map(boxed),
-        TrainedKernelRidge::KIND => TrainedKernelRidges::from_bytes(bytes).map(boxed),
-        TrainedNearest::KIND => TrainedNearests::from_bytes(bytes).map(boxed),
-        stacking::KIND => TrainedStacks::from_bytes(depth, bytes, others).map(boxed),
+        TrainedRidge::KIND => boxed(TrainedRidges::from_bytes(bytes)),
+        TrainedKernelRidge::KIND => boxed(TrainedKernelRidges::from_bytes(bytes)),
+        TrainedNearest::KIND => boxed(TrainedNearests::from_bytes(bytes)),
+        stacking::KIND => boxed(TrainedStacks::from_bytes(depth, bytes, others)),
         _ => {
-            let kinds = others.iter().map(|other| other.kind);
-            let kinds = kinds.chain([
-                TrainedRidge::KIND,
-                TrainedKernelRidge::KIND,
-                TrainedNearest::KIND,
-                stacking::KIND,
-            ]);
+            let kinds = others.iter().map(|other| other.kind).chain(OWN_KINDS);
             let expected = format!("one of {}", kinds.collect::<Vec<_>>().join(", "));
             let found = format_args!("{kind:?}");
             Err(Error::input("kind of fitted models", found, expected))
@@ -268,15 +259,22 @@ pub(crate) fn fitted_within(
     })
 }
 
+const OWN_KINDS: [&str; 4] = [
+    TrainedRidge::KIND,
+    TrainedKernelRidge::KIND,
+    TrainedNearest::KIND,
+    stacking::KIND,
+];
+
+fn boxed(fitted: Result<impl FittedRegressor + 'static>) -> Result<Box<dyn FittedRegressor>> {
+    Ok(Box::new(fitted?))
+}
+
 macro_rules! regressors {
     ($($regressor:ty),*) => {$(
         impl Regressor for $regressor {
-            fn fit(
-                &self,
-                data: &TrainingData<'_>,
-                plan: &Plan,
-            ) -> Result<Box<dyn FittedRegressor>> {
-                Ok(Box::new(self.train(data, plan)?))
+            fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
+                boxed(self.train(data, plan))
             }
         }
     )*};

@@ -1,9 +1,9 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{self, ComputeEigenvectors};
-use faer::{Accum, Col, Mat, MatRef, Par, Spec};
+use faer::{Col, Mat, Par, Spec};
 
 use super::kernel::Shape;
-use crate::dense::{cleanly, multiply};
+use crate::dense::{cleanly, product};
 use crate::error::{Error, Result};
 use crate::left_out::{LeftOut, LeftOutBlock};
 
@@ -220,10 +220,4 @@ fn decompose(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>)> {
     })
     .map_err(|_| Error::input("kernel matrix", "no decomposition", "one that converges"))?;
     Ok((values.iter().map(|value| value.max(0.0)).collect(), vectors))
-}
-
-fn product(left: MatRef<'_, f64>, right: &Mat<f64>) -> Mat<f64> {
-    let mut product = Mat::zeros(left.nrows(), right.ncols());
-    multiply(product.as_mut(), Accum::Replace, left, right.as_ref());
-    product
 }

@@ -1,10 +1,10 @@
 use std::ops::Range;
 
-use faer::{Accum, Mat};
+use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
-use crate::dense::multiply;
+use crate::dense::product;
 
 /// Squared distances below this part of the squared norms are rounding, and count as none.
 const ROUNDING: f64 = 1e-13;
@@ -209,13 +209,7 @@ impl Points {
     }
 
     fn compared(&self, others: &Mat<f64>, others_norms: &[f64]) -> Mat<f64> {
-        let mut products = Mat::zeros(self.centred.ncols(), others.ncols());
-        multiply(
-            products.as_mut(),
-            Accum::Replace,
-            self.centred.transpose(),
-            others.as_ref(),
-        );
+        let mut products = product(self.centred.transpose(), others);
         if self.proximity == Proximity::Product {
             return products;
         }

@@ -221,13 +221,6 @@ pub struct TrainedKernelRidge {
     support: Arc<Support>,
 }
 
-impl TrainedKernelRidge {
-    /// The kernel that was chosen.
-    fn shape(&self) -> Option<Shape> {
-        self.fit.expansion.as_ref().map(|e| e.shape)
-    }
-}
-
 /// Fitted kernel ridge regressions.
 pub type TrainedKernelRidges = Fitted<TrainedKernelRidge>;
 
@@ -241,21 +234,22 @@ impl FittedModel for TrainedKernelRidge {
     /// On the threads of the current rayon pool. Regressions that share training surfaces and kernel
     /// are estimated together, which takes little more time than one.
     fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
-        let sharing = Sharing::of(models);
-        for Sharing { support, .. } in &sharing {
+        let starts = (0..embeddings.surfaces()).step_by(ROWS);
+        let ranges = starts.map(|start| start..embeddings.surfaces().min(start + ROWS));
+        let ranges: Vec<Range<usize>> = ranges.collect();
+        let mut all = vec![Vec::new(); models.len()];
+        for one in Sharing::of(models) {
             let what = "embeddings for kernel ridge regression";
-            check_fits(what, embeddings, &support.embeddings)?;
+            check_fits(what, embeddings, &one.support.embeddings)?;
+            let parts = ranges.par_iter();
+            let parts = parts.map(|range| one.estimate(models, embeddings, range));
+            for part in parts.collect::<Vec<_>>() {
+                for (&at, estimates) in one.ridges.iter().zip(part) {
+                    all[at].extend(estimates);
+                }
+            }
         }
-        let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
-        let parts: Vec<Vec<Vec<f64>>> = starts
-            .into_par_iter()
-            .map(|start| {
-                let range = start..embeddings.surfaces().min(start + ROWS);
-                estimate_some(models, &sharing, embeddings, &range)
-            })
-            .collect();
-        let of_model = |at: usize| parts.iter().flat_map(|part| &part[at]).copied().collect();
-        Ok((0..models.len()).map(of_model).collect())
+        Ok(all)
     }
 
     /// Regressions on the same surfaces share the distances to them, and those of one shape the
@@ -267,11 +261,9 @@ impl FittedModel for TrainedKernelRidge {
             let expansions = expansions.filter(|&&at| models[at].fit.expansion.is_some());
             let distances = match sharing.shapes.len() {
                 0 => 0,
-                shapes => {
-                    let kernels = embeddings.blocks().len() * shapes;
-                    embeddings.views() * (embeddings.width() + kernels)
-                }
+                shapes => embeddings.width() + embeddings.blocks().len() * shapes,
             };
+            let distances = embeddings.views() * distances;
             (embeddings.surfaces() * (distances + expansions.count())) as u64
         };
         Sharing::of(models).iter().map(of).sum()
@@ -299,9 +291,9 @@ impl<'a> Sharing<'a> {
         let shared = sharing(models.iter().map(|ridge| &ridge.support));
         let of = |(support, ridges): (_, Vec<usize>)| {
             let mut shapes = Vec::new();
-            for shape in ridges.iter().filter_map(|&at| models[at].shape()) {
-                if !shapes.contains(&shape) {
-                    shapes.push(shape);
+            for expansion in ridges.iter().flat_map(|&at| &models[at].fit.expansion) {
+                if !shapes.contains(&expansion.shape) {
+                    shapes.push(expansion.shape);
                 }
             }
             Self {
@@ -312,36 +304,29 @@ impl<'a> Sharing<'a> {
         };
         shared.into_iter().map(of).collect()
     }
-}
 
-/// The estimates for some surfaces, by regression.
-fn estimate_some(
-    models: &[TrainedKernelRidge],
-    sharing: &[Sharing<'_>],
-    embeddings: &Embeddings,
-    range: &Range<usize>,
-) -> Vec<Vec<f64>> {
-    let mean = |ridge: &TrainedKernelRidge| vec![ridge.fit.intercept; range.len()];
-    let mut estimates: Vec<Vec<f64>> = models.iter().map(mean).collect();
-    for Sharing {
-        support,
-        ridges,
-        shapes,
-    } in sharing
-    {
-        let kernels = support.kernels(embeddings, range, shapes);
-        for &at in ridges {
-            let Some(expansion) = &models[at].fit.expansion else {
-                continue;
-            };
-            let of_shape = shapes.iter().zip(&kernels);
-            for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
-                for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
-                    let terms = column.iter().zip(&expansion.coefficients);
-                    *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+    /// The estimates for some surfaces, by regression.
+    fn estimate(
+        &self,
+        models: &[TrainedKernelRidge],
+        embeddings: &Embeddings,
+        range: &Range<usize>,
+    ) -> Vec<Vec<f64>> {
+        let kernels = self.support.kernels(embeddings, range, &self.shapes);
+        let of = |&at: &usize| {
+            let fit = &models[at].fit;
+            let mut estimates = vec![fit.intercept; range.len()];
+            if let Some(expansion) = &fit.expansion {
+                let of_shape = self.shapes.iter().zip(&kernels);
+                for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
+                    for (estimate, column) in estimates.iter_mut().zip(kernel.col_iter()) {
+                        let terms = column.iter().zip(&expansion.coefficients);
+                        *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+                    }
                 }
             }
-        }
+            estimates
+        };
+        self.ridges.iter().map(of).collect()
     }
-    estimates
 }

@@ -101,13 +101,11 @@ impl FittedModel for TrainedNearest {
 
 /// The surface at the least distance; the first of several.
 fn nearest(training: &Embeddings, features: &[f32]) -> usize {
-    let distances = (0..training.surfaces()).map(|surface| {
-        (
-            surface,
-            squared_distance(training.surface(surface), features),
-        )
-    });
-    let least = distances.min_by(|(_, a), (_, b)| a.total_cmp(b));
+    let surfaces = 0..training.surfaces();
+    let distances = surfaces.map(|surface| squared_distance(training.surface(surface), features));
+    let least = distances
+        .enumerate()
+        .min_by(|(_, a), (_, b)| a.total_cmp(b));
     least.map_or(0, |(surface, _)| surface)
 }
 
@@ -121,9 +119,7 @@ pub fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
             *sum += (a - b) * (a - b);
         }
     }
-    let rest = rest_of_a
-        .iter()
-        .zip(rest_of_b)
-        .map(|(a, b)| (a - b) * (a - b));
+    let rest = rest_of_a.iter().zip(rest_of_b);
+    let rest = rest.map(|(a, b)| (a - b) * (a - b));
     sums.iter().sum::<f32>() + rest.sum::<f32>()
 }

@@ -104,7 +104,7 @@ struct Fold {
 struct Folds(Vec<Fold>);
 
 /// Estimates by fold number, views and property, for the surfaces that the fold holds out.
-type OutOfFold = BTreeMap<(u64, Vec<usize>, String), Vec<f64>>;
+type OutOfFold = BTreeMap<(u64, Views, String), Vec<f64>>;
 
 impl Folds {
     fn deal(plan: &Plan, count: usize, units: Option<&[usize]>) -> Result<Self> {
@@ -181,7 +181,7 @@ impl Folds {
                 let alike = of_fold.filtered(&|trial| trial.views == views);
                 let embeddings = data.embeddings.select(&fold.held_out, picked)?;
                 for estimates in alike.predict(&embeddings)? {
-                    let key = (fold.number, picked.clone(), estimates.property);
+                    let key = (fold.number, views.clone(), estimates.property);
                     all.insert(key, estimates.values);
                 }
             }
@@ -208,10 +208,7 @@ impl TrainedStack {
         let mut columns = vec![Vec::new(); members.len()];
         let mut target = Vec::new();
         for fold in folds.0.iter().filter(|fold| fold.of == trial.rerun) {
-            let Views::Fixed(views) = &trial.views else {
-                continue;
-            };
-            let key = (fold.number, views.clone(), trial.property.clone());
+            let key = (fold.number, trial.views.clone(), trial.property.clone());
             let estimates: Vec<_> = members.iter().filter_map(|m| m.get(&key)).collect();
             if estimates.len() < members.len() {
                 continue;

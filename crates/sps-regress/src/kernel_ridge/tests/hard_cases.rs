@@ -3,25 +3,18 @@ use std::collections::BTreeSet;
 use super::*;
 
 #[test]
-fn one_surface_is_its_own_mean() {
-    let set = Set::new((3, 1, 4), &[vec![Some(7.0), None, None]]);
-    for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
-        let config = config(kernel, &[0.1], &[1.0]);
-        let trained = set.train(&config, 3, &[0]).unwrap();
-        assert_eq!(estimates(&trained, &set.embeddings), [7.0; 3]);
-        assert_eq!(trained.0[0].fit.left_out_error, None);
-    }
-}
-
-#[test]
-fn equal_surfaces_get_the_mean() {
+fn one_surface_is_its_own_mean_and_equal_ones_get_theirs() {
+    let one = Set::new((3, 1, 4), &[vec![Some(7.0), None, None]]);
     let values = [0.1_f32, 0.2, 0.7].repeat(5);
     let embeddings = Embeddings::new(values, [5, 1, 3]).unwrap();
-    let set = Set::of(embeddings, &[[1.0, 2.0, 3.0, 4.0, 5.0].map(Some).to_vec()]);
+    let equal = Set::of(embeddings, &[[1.0, 2.0, 3.0, 4.0, 5.0].map(Some).to_vec()]);
     for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
         let config = config(kernel, &[1e-9, 0.1], &[1.0]);
-        let trained = set.train(&config, 5, &[0]).unwrap();
-        assert_eq!(estimates(&trained, &set.embeddings), [3.0; 5]);
+        let trained = one.train(&config, 3, &[0]).unwrap();
+        assert_eq!(estimates(&trained, &one.embeddings), [7.0; 3]);
+        assert_eq!(trained.0[0].fit.left_out_error, None);
+        let trained = equal.train(&config, 5, &[0]).unwrap();
+        assert_eq!(estimates(&trained, &equal.embeddings), [3.0; 5]);
     }
 }
 

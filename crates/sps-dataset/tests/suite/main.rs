@@ -16,6 +16,5 @@ mod splits;
 mod tables;
 mod tactile;
 mod twins;
-mod units;
 #[cfg(feature = "exr")]
 mod write;

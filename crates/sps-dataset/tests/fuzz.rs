@@ -48,71 +48,65 @@ fn decode(bytes: &[u8]) {
 fn open(made: &Made) {
     match made.open() {
         Ok(dataset) => {
+            let settings = TactileSettings::default();
             let averages = dataset
                 .tactile()
-                .averages(&TactileSettings::default(), dataset.surfaces().len());
+                .averages(&settings, dataset.surfaces().len());
             for property in averages.properties() {
-                assert!(
-                    averages
-                        .column(property)
-                        .iter()
-                        .flatten()
-                        .all(|value| value.is_finite())
-                );
+                let mut values = averages.column(property).into_iter().flatten();
+                assert!(values.all(f64::is_finite));
             }
-            dataset.inspect(&TactileSettings::default());
+            dataset.inspect(&settings);
         }
         Err(error) => assert!(error.to_string().contains(": ")),
     }
 }
 
-/// Form, settings and file of each kind of table, with content to be damaged.
-fn tables() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+/// Settings of a table, its file, and content to be damaged.
+type Table = (&'static str, &'static str, Vec<u8>);
+
+/// A table of each form of text.
+fn tables() -> Vec<Table> {
     let long =
         "surface,location,repeat,fRS,cDF\na,0,0,1,2\na,0,1,,2.5\n\"b\",4294967295,7,-1e8,1e-7\n";
     let wide = "surface,fRS,cDF\na,1,2\nmean,1,2\nstd,3,4\nc,,5\n";
+    let restored = "[tactile.wide-csv]\nstatistics.restore = true";
     let keyed = r#"{"a": [1, 2], "b": [[3, null], [4e5, -6]], "c": [[[7, 8]]], "mean": [1, 2], "std": [3, 4]}"#;
+    let ordered = "[tactile.json]\nproperty-order = [\"fRS\", \"cDF\"]\nstatistics.restore = true";
     let records = r#"[{"surface": "a", "location": 1, "repeat": 2, "fRS": 3.5, "cDF": 1}, {"surface": "b", "cDF": null}]"#;
-    let json = "[tactile.json]\nproperty-order = [\"fRS\", \"cDF\"]\nstatistics.restore = true";
+    let listed = "[tactile.json]\nlayout = \"records\"";
     vec![
         ("", "tactile.csv", long.into()),
-        (
-            "[tactile.wide-csv]\nstatistics.restore = true",
-            "tactile.csv",
-            wide.into(),
-        ),
-        (json, "tactile.json", keyed.into()),
-        (
-            "[tactile.json]\nlayout = \"records\"",
-            "tactile.json",
-            records.into(),
-        ),
+        (restored, "tactile.csv", wide.into()),
+        (ordered, "tactile.json", keyed.into()),
+        (listed, "tactile.json", records.into()),
     ]
 }
 
-#[cfg(feature = "npz")]
-fn archives() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+/// Archives, where they can be read.
+fn archives() -> Vec<Table> {
     let keyed = "[tactile.npz]\nproperty-order = [\"fRS\", \"cDF\"]";
     let stacked = "[tactile.npz]\nproperty-order = [\"fRS\", \"cDF\"]\n[tactile.npz.layout.stacked]\nsurfaces = \"names\"";
-    let archive = |settings, name: &str| {
+    let archives = [
+        (keyed, "keyed-stored"),
+        (keyed, "keyed-fortran"),
+        (keyed, "keyed-i8"),
+        (stacked, "stacked"),
+        (stacked, "stacked-bytes"),
+    ];
+    let archives = archives.into_iter().filter(|_| cfg!(feature = "npz"));
+    let read = |(settings, name)| {
         (
             settings,
             "tactile.npz",
             common::data(&format!("npz/{name}.npz")),
         )
     };
-    vec![
-        archive(keyed, "keyed-stored"),
-        archive(keyed, "keyed-fortran"),
-        archive(keyed, "keyed-i8"),
-        archive(stacked, "stacked"),
-        archive(stacked, "stacked-bytes"),
-    ]
+    archives.map(read).collect()
 }
 
-#[cfg(not(feature = "npz"))]
-fn archives() -> Vec<(&'static str, &'static str, Vec<u8>)> {
-    Vec::new()
+fn open_damaged((settings, file, table): Table, damages: &[Damage]) {
+    open(&Made::new(settings, file, damaged(table, damages)));
 }
 
 /// Bytes that look like the beginning of something.
@@ -175,8 +169,7 @@ fn png_palettes_of_any_length() {
         let size = (bytes as u32).to_be_bytes();
         let mut png = [head, &size, b"PLTE", &vec![7; bytes], tail].concat();
         sign_chunks(&mut png);
-        let settings = DecodeSettings::default();
-        match decode_image(&png, &settings) {
+        match decode_image(&png, &DecodeSettings::default()) {
             Ok(_) => assert!(bytes % 3 == 0 && bytes <= 768, "{bytes}"),
             Err(error) => assert!(!error.to_string().contains("gave up"), "{bytes}: {error}"),
         }
@@ -188,12 +181,10 @@ fn sign_chunks(png: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = png.get(at..).and_then(|rest| rest.first_chunk::<4>()) {
         let length = u32::from_be_bytes(*length) as usize;
-        let Some(end) = at
-            .checked_add(length + 8)
-            .filter(|end| end + 4 <= png.len())
-        else {
+        let end = at.saturating_add(length + 8);
+        if end.saturating_add(4) > png.len() {
             return;
-        };
+        }
         let sum = crc32(&png[at + 4..end]).to_be_bytes();
         png[end..end + 4].copy_from_slice(&sum);
         at = end + 4;
@@ -214,13 +205,9 @@ fn noise_as_an_image() {
 #[test]
 fn tables_of_each_form() {
     let input = (select(tables()), Damage::some());
-    fuzz(
-        "csv and json",
-        &input,
-        |((settings, file, table), damages)| {
-            open(&Made::new(settings, file, damaged(table, &damages)));
-        },
-    );
+    fuzz("csv and json", &input, |(table, damages)| {
+        open_damaged(table, &damages);
+    });
     nested("csv and json", |text| {
         for (settings, file, _) in tables() {
             open(&Made::new(settings, file, &text));
@@ -232,8 +219,8 @@ fn tables_of_each_form() {
 #[cfg(feature = "npz")]
 fn archives_of_arrays() {
     let input = (select(archives()), Damage::some());
-    fuzz("npz", &input, |((settings, file, archive), damages)| {
-        open(&Made::new(settings, file, damaged(archive, &damages)));
+    fuzz("npz", &input, |(table, damages)| {
+        open_damaged(table, &damages);
     });
 }
 
@@ -242,11 +229,8 @@ fn archives_of_arrays() {
 #[cfg(feature = "npz")]
 fn arrays_in_an_archive() {
     use std::io::{Cursor, Read, Write};
-    let input = (
-        select(archives()),
-        any::<proptest::sample::Index>(),
-        Damage::some(),
-    );
+    let index = any::<proptest::sample::Index>();
+    let input = (select(archives()), index, Damage::some());
     fuzz(
         "npy",
         &input,
@@ -286,30 +270,22 @@ fn noise_as_a_table() {
 
 #[test]
 fn manifests_and_surfaces() {
-    let made = || {
-        Made::new(
-            "",
-            "tactile.csv",
-            "surface,location,repeat,fRS,cDF\na,0,0,1,2\n",
-        )
+    let table = "surface,location,repeat,fRS,cDF\na,0,0,1,2\n";
+    let open_with = |file: &str, content: &[u8]| {
+        let made = Made::new("", "tactile.csv", table);
+        made.write(file, content);
+        open(&made);
     };
-    let input = (Damage::some(), any::<bool>());
-    fuzz("toml and surfaces", &input, |(damages, of_manifest)| {
-        let made = made();
-        if of_manifest {
-            let whole =
-                format!("{MANIFEST}[tactile.json]\nlayout = \"keyed\"\nstatistics.mean = \"m\"\n");
-            made.write("dataset.toml", damaged(whole.into_bytes(), &damages));
-        } else {
-            made.write("surfaces.csv", damaged(SURFACES.into(), &damages));
-        }
-        open(&made);
+    let more = "[tactile.json]\nlayout = \"keyed\"\nstatistics.mean = \"m\"\n";
+    let files = vec![
+        ("dataset.toml", format!("{MANIFEST}{more}")),
+        ("surfaces.csv", SURFACES.to_owned()),
+    ];
+    let input = (Damage::some(), select(files));
+    fuzz("toml and surfaces", &input, |(damages, (file, whole))| {
+        open_with(file, &damaged(whole.into_bytes(), &damages));
     });
-    nested("toml", |text| {
-        let made = made();
-        made.write("dataset.toml", text);
-        open(&made);
-    });
+    nested("toml", |text| open_with("dataset.toml", text.as_bytes()));
 }
 
 #[test]

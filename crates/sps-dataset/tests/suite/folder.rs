@@ -1,17 +1,14 @@
 //! A dataset in a folder: what is read of it, and what is refused with which words.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::common::tiny_path;
 use crate::made::{MANIFEST, Made, SURFACES, cases};
 use sps_dataset::{
     DatasetErrorKind, DatasetFolder, DecodeSettings, FrameError, FrameErrorKind, FrameIndex,
-    JsonLayout, NonFinite, ReadSettings, RollAngle, Source, TableFormat, TactileSettings,
-    decode_frames, toccare,
+    JsonLayout, NonFinite, ReadSettings, RollAngle, Source, TactileSettings, decode_frames,
+    parse_toml, toccare,
 };
-
-fn tiny_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/tiny-dataset")
-}
 
 fn tiny() -> DatasetFolder {
     DatasetFolder::open(&tiny_path(), &ReadSettings::default()).unwrap()
@@ -64,26 +61,16 @@ fn inspection_says_how_much_lies_between_groups() {
 #[test]
 fn the_four_forms_of_its_table_agree() {
     let read = |table: &str| {
-        #[derive(serde::Deserialize)]
-        struct Config {
-            table: TableFormat,
-        }
-        let config: Config = sps_dataset::parse_toml("test".as_ref(), table).unwrap();
-        let settings = ReadSettings {
-            table: Some(config.table),
-            ..ReadSettings::default()
-        };
+        let settings: ReadSettings = parse_toml("test".as_ref(), table).unwrap();
         let dataset = DatasetFolder::open(&tiny_path(), &settings).unwrap();
         dataset.tactile().averages(&TactileSettings::default(), 6)
     };
-    let order = toccare::ALL
-        .map(|known| format!("\"{}\"", known.code))
-        .join(", ");
+    let order = toccare::ALL.map(|known| known.code);
     let forms = [
         "[table.wide-csv]\nfile = \"wide.csv\"".to_owned(),
-        format!("[table.json]\nproperty-order = [{order}]"),
+        format!("[table.json]\nproperty-order = {order:?}"),
         #[cfg(feature = "npz")]
-        format!("[table.npz]\nproperty-order = [{order}]\nstatistics.restore = true"),
+        format!("[table.npz]\nproperty-order = {order:?}\nstatistics.restore = true"),
     ];
     let long = read("[table.long-csv]");
     for form in forms {
@@ -116,8 +103,6 @@ fn frames_of_three_formats_come_in_the_order_asked_for() {
         );
         assert_eq!(frame, &dataset.frame(index.surface, index.view).unwrap());
     }
-    let indices = sps_dataset::map_frames(&dataset, &all, |index, _| index).unwrap();
-    assert_eq!(indices, all);
     // The glazed tile, seen straight down, is brighter than white all over.
     let tile = dataset.decode(5, 2).unwrap();
     assert_eq!(tile.light.clipped, 32 * 32 * 3);
@@ -258,14 +243,16 @@ fn the_table_may_not_be_outside_the_folder() {
     let others = ["../tactile.csv", "a/../../tactile.csv", "C:tactile.csv", ""];
     for file in [absolute, &up].into_iter().chain(others) {
         let tactile = format!("[tactile.long-csv]\nfile = '{file}'\n");
-        let refused = Made::new(&tactile, "tactile.csv", TABLE)
-            .open()
-            .unwrap_err();
-        let found =
-            format!("tactile table: found `{file}`, expected a path below the dataset's folder");
-        assert!(refused.to_string().contains(&found), "{refused}");
-        let kind = refused.kind();
-        assert!(matches!(kind, DatasetErrorKind::Invalid(_)));
+        let made = Made::new(&tactile, "tactile.csv", TABLE);
+        let refused = made.open().unwrap_err();
+        let found = format!("found `{file}`, expected a path below the dataset's folder");
+        assert!(
+            refused
+                .to_string()
+                .contains(&format!("tactile table: {found}")),
+            "{refused}"
+        );
+        assert!(matches!(refused.kind(), DatasetErrorKind::Invalid(_)));
     }
     let inside = "[tactile.long-csv]\nfile = \"tables/a.csv\"\n";
     let made = Made::new(inside, "tactile.csv", TABLE);
@@ -297,20 +284,17 @@ fn surface_errors_name_the_line() {
         let expected = format!("surfaces.csv, line 5: {expected}");
         assert_eq!(refusal(&format!("{SURFACES}{row}\n")), expected);
     }
-    let header = "expected surface,material,group";
-    for (surfaces, expected) in [
-        (
-            "surface,group,material\n",
-            format!(", line 1: the header: found surface,group,material, {header}"),
-        ),
-        (
-            "surface,material,group\n",
-            ": its rows: found none, expected at least one surface".to_owned(),
-        ),
-        ("", format!(", line 1: the header: found nothing, {header}")),
-    ] {
-        assert_eq!(refusal(surfaces), format!("surfaces.csv{expected}"));
+    let headers = "
+        surface,group,material
+            , line 1: the header: found surface,group,material, expected surface,material,group
+        surface,material,group
+            : its rows: found none, expected at least one surface
+    ";
+    for (header, expected) in cases(headers) {
+        assert_eq!(refusal(&header), format!("surfaces.csv{expected}"));
     }
+    let nothing = "line 1: the header: found nothing, expected surface,material,group";
+    assert_eq!(refusal(""), format!("surfaces.csv, {nothing}"));
 }
 
 #[test]
@@ -320,9 +304,8 @@ fn frame_errors_name_the_file() {
     std::fs::create_dir_all(&frames).unwrap();
     let dataset = made.open().unwrap();
     let refusal = |surface, view| dataset.frame(surface, view).unwrap_err().to_string();
-    assert!(refusal(0, 0).ends_with(
-        "frames/a: has no frame for view 0: looked for 000.png, 000.jpg, 000.jpeg, 000.exr"
-    ));
+    let none = "frames/a: has no frame for view 0: looked for 000.png, 000.jpg, 000.jpeg, 000.exr";
+    assert!(refusal(0, 0).ends_with(none));
     assert!(refusal(3, 0).ends_with(": there is no surface 3: the dataset has 3, counted from 0"));
     assert!(refusal(0, 1).ends_with(": there is no view 1: the dataset has 1, counted from 0"));
 
@@ -341,10 +324,11 @@ fn frame_errors_name_the_file() {
     let limited = DatasetFolder::open(made.path(), &settings).unwrap();
     let refused = limited.frame(0, 0).unwrap_err();
     let refused: &FrameError = refused.downcast_ref().unwrap();
-    assert!(matches!(
+    let too_large = matches!(
         refused.kind(),
         FrameErrorKind::FileTooLarge { limit: 100, .. }
-    ));
+    );
+    assert!(too_large, "{refused}");
 }
 
 #[cfg(feature = "exr")]
@@ -358,9 +342,9 @@ fn inspection_finds_broken_and_unknown_frames() {
     ] {
         let folder = made.path().join("frames").join(surface);
         std::fs::create_dir_all(&folder).unwrap();
-        let ending = frame.rsplit('.').next().unwrap();
         let from = tiny_path().join("frames").join(frame);
-        std::fs::copy(from, folder.join(format!("000.{ending}"))).unwrap();
+        let ending = from.extension().unwrap();
+        std::fs::copy(&from, folder.join("000").with_extension(ending)).unwrap();
     }
     let dataset = made.open().unwrap();
     let seen = std::sync::atomic::AtomicUsize::new(0);

@@ -42,7 +42,7 @@ impl Made {
     /// The message of opening it, after the name of the folder.
     pub(crate) fn refusal(&self) -> String {
         let message = self.open().unwrap_err().to_string();
-        let folder = format!("{}", self.path().display());
+        let folder = self.path().display().to_string();
         let rest = message.strip_prefix(&folder).unwrap_or(&message);
         rest.trim_start_matches('/').to_owned()
     }
@@ -50,11 +50,8 @@ impl Made {
 
 /// What is read and what is said of it, a line each; `\n` in the former ends a line.
 pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (String, &str)> {
-    let lines: Vec<&str> = lines
-        .lines()
-        .map(str::trim)
-        .filter(|line| !line.is_empty())
-        .collect();
+    let lines = lines.lines().map(str::trim);
+    let lines: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
     let pairs = lines.as_chunks().0.to_vec().into_iter();
     pairs.map(|[read, said]: [&str; 2]| (read.replace("\\n", "\n"), said))
 }

@@ -1,8 +1,8 @@
 //! Archives that NumPy wrote (`data/make_npz.py`), against the formula of their content.
 
 use crate::common::data;
-use crate::made::Made;
-use sps_dataset::{DatasetFolder, ReadSettings, Reading, Source};
+use crate::made::{Made, cases};
+use sps_dataset::{DatasetFolder, ReadSettings, Source};
 
 fn npz(settings: &str, archive: &str) -> Made {
     let tactile = format!("[tactile.npz]\nproperty-order = [\"fRS\", \"cDF\"]\n{settings}");
@@ -11,34 +11,20 @@ fn npz(settings: &str, archive: &str) -> Made {
 
 /// Compares every reading with `100 s + 10 l + 2 r + p`.
 fn check(archive: &str, made: &Made, touches: usize, modulus: u32) {
-    let dataset = made
-        .open()
-        .unwrap_or_else(|error| panic!("{archive}: {error}"));
+    let dataset = made.open();
+    let dataset = dataset.unwrap_or_else(|error| panic!("{archive}: {error}"));
     let readings = &dataset.tactile().readings;
     assert_eq!(readings.len(), 3 * touches, "{archive}");
-    for Reading {
-        surface,
-        location,
-        repeat,
-        values,
-    } in readings
-    {
-        let first = 100 * *surface as u32 + 10 * location + 2 * repeat;
-        let expected: Vec<_> = [first, first + 1]
-            .map(|value| Some(f64::from(value % modulus)))
-            .to_vec();
-        assert_eq!(
-            values, &expected,
-            "{archive}: {surface} {location} {repeat}"
-        );
+    for reading in readings {
+        let first = 100 * reading.surface as u32 + 10 * reading.location + 2 * reading.repeat;
+        let expected = [first, first + 1].map(|value| Some(f64::from(value % modulus)));
+        assert_eq!(reading.values, expected, "{archive}: {reading:?}");
     }
 }
 
 #[test]
 fn every_dtype_and_both_orders() {
-    for archive in [
-        "f4", "f8", "f8-big", "i8", "i4-big", "i2", "u2", "stored", "fortran",
-    ] {
+    for archive in "f4 f8 f8-big i8 i4-big i2 u2 stored fortran".split(' ') {
         let archive = format!("keyed-{archive}");
         check(&archive, &npz("", &archive), 6, u32::MAX);
     }
@@ -53,60 +39,41 @@ fn one_array_for_all_surfaces() {
     for archive in ["stacked", "stacked-bytes", "stacked-shuffled"] {
         check(archive, &npz(named, archive), 6, u32::MAX);
     }
-    check(
-        "unnamed",
-        &npz("[tactile.npz.layout.stacked]", "stacked"),
-        6,
-        u32::MAX,
-    );
+    let unnamed = npz("[tactile.npz.layout.stacked]", "stacked");
+    check("unnamed", &unnamed, 6, u32::MAX);
 }
 
 #[test]
 fn what_cannot_be_read_is_named() {
-    let cases = [
-        (
-            "pickled",
-            "tactile.npz, key `a`: is not valid NPY: its items are pickled Python objects, \
-          expected plain numbers: save it again as an array of floats",
-        ),
-        (
-            "infinite",
-            "tactile.npz, key `b`: found `inf` in column `cDF`, expected a number within 1e9 of 0, or NaN",
-        ),
-        (
-            "records",
-            "tactile.npz, key `a`: is not valid NPY: its items are records of several \
-          fields, expected numbers or texts",
-        ),
-        (
-            "half",
-            "tactile.npz, key `a`: is not valid NPY: its items are of dtype `<f2`, expected \
-          i1 to i8, u1 to u8, f4 or f8, or U or S",
-        ),
-        (
-            "stacked",
-            "tactile.npz, key `values`: the axes of a surface: found [3, 2, 3, 2], expected \
-          (properties), (repeats, properties) or (locations, repeats, properties) with 2 \
-          properties, as in `property-order`",
-        ),
-    ];
-    for (archive, expected) in cases {
-        assert_eq!(npz("", archive).refusal(), expected, "{archive}");
+    let keyed = "
+        pickled
+            , key `a`: is not valid NPY: its items are pickled Python objects, expected plain numbers: \
+            save it again as an array of floats
+        infinite
+            , key `b`: found `inf` in column `cDF`, expected a number within 1e9 of 0, or NaN
+        records
+            , key `a`: is not valid NPY: its items are records of several fields, expected numbers or texts
+        half
+            , key `a`: is not valid NPY: its items are of dtype `<f2`, expected i1 to i8, u1 to u8, \
+            f4 or f8, or U or S
+        stacked
+            , key `values`: the axes of a surface: found [3, 2, 3, 2], expected (properties), \
+            (repeats, properties) or (locations, repeats, properties) with 2 properties, as in `property-order`
+    ";
+    for (archive, expected) in cases(keyed) {
+        assert_eq!(
+            npz("", &archive).refusal(),
+            format!("tactile.npz{expected}")
+        );
     }
     let no_order = Made::new("[tactile.npz]", "tactile.npz", data("npz/keyed-f8.npz"));
-    assert!(
-        no_order
-            .refusal()
-            .starts_with("tactile.npz: the order of its properties is not given")
-    );
-    assert_eq!(
-        npz("[tactile.npz.layout.stacked]\nvalues = \"data\"", "stacked").refusal(),
-        "tactile.npz: its arrays: found values, names, expected an array `data`"
-    );
-    assert_eq!(
-        npz("", "keyed-f8").open().unwrap().tactile().properties,
-        ["fRS", "cDF"]
-    );
+    let expected = "tactile.npz: the order of its properties is not given";
+    assert!(no_order.refusal().starts_with(expected));
+    let unknown = npz("[tactile.npz.layout.stacked]\nvalues = \"data\"", "stacked");
+    let expected = "tactile.npz: its arrays: found values, names, expected an array `data`";
+    assert_eq!(unknown.refusal(), expected);
+    let read = npz("", "keyed-f8").open().unwrap();
+    assert_eq!(read.tactile().properties, ["fRS", "cDF"]);
 }
 
 #[test]
@@ -117,9 +84,8 @@ fn an_archive_that_unpacks_beyond_the_limit_is_refused() {
             table_bytes,
             ..ReadSettings::default()
         };
-        DatasetFolder::open(made.path(), &settings)
-            .unwrap_err()
-            .to_string()
+        let opened = DatasetFolder::open(made.path(), &settings);
+        opened.unwrap_err().to_string()
     };
     let bytes = refusal(10_000);
     let expected = "is not valid NPZ: its arrays unpack to more than the limit of 10000 bytes";

@@ -9,15 +9,9 @@ fn long(table: &str) -> Made {
 
 fn readings(made: &Made) -> Vec<(usize, u32, u32, Vec<Option<f64>>)> {
     let dataset = made.open().unwrap();
-    let fields = |reading: &Reading| {
-        (
-            reading.surface,
-            reading.location,
-            reading.repeat,
-            reading.values.clone(),
-        )
-    };
-    dataset.tactile().readings.iter().map(fields).collect()
+    let readings = dataset.tactile().readings.iter();
+    let fields = |r: &Reading| (r.surface, r.location, r.repeat, r.values.clone());
+    readings.map(fields).collect()
 }
 
 #[test]
@@ -63,10 +57,8 @@ fn long_csv_errors_name_line_found_and_expected() {
     ";
     for (row, expected) in cases(of_rows) {
         let table = format!("surface,location,repeat,fRS,cDF\na,0,0,1,2\n{row}\n");
-        assert_eq!(
-            long(&table).refusal(),
-            format!("tactile.csv, line {expected}")
-        );
+        let expected = format!("tactile.csv, line {expected}");
+        assert_eq!(long(&table).refusal(), expected);
     }
     let of_headers = "
         surface,location,repeat,fRS,cDf

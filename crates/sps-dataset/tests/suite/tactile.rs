@@ -3,8 +3,8 @@
 use crate::made::Made;
 use proptest::prelude::*;
 use sps_dataset::{
-    Average, DatasetFolder, OutOfRange, Property, PropertyRange, RangePolicy, ReadSettings,
-    Reading, Source, TactileSettings, TactileTable,
+    Average, DatasetError, DatasetFolder, OutOfRange, Property, PropertyRange, RangePolicy,
+    ReadSettings, Reading, Source, TactileSettings, TactileTable,
 };
 
 const FRS: &str = "fRS";
@@ -21,15 +21,10 @@ fn long(table: &str) -> Made {
 const RANGED: &str =
     "surface,location,repeat,fRS,cDF\na,0,0,-0.5,100\nb,0,0,100.25,0\nc,0,0,,250\n";
 
-fn with_policy(out_of_range: RangePolicy) -> ReadSettings {
-    let tactile = TactileSettings {
-        out_of_range,
-        ..TactileSettings::default()
-    };
-    ReadSettings {
-        tactile,
-        ..ReadSettings::default()
-    }
+fn with_policy(made: &Made, policy: RangePolicy) -> Result<DatasetFolder, DatasetError> {
+    let mut settings = ReadSettings::default();
+    settings.tactile.out_of_range = policy;
+    DatasetFolder::open(made.path(), &settings)
 }
 
 #[test]
@@ -40,24 +35,19 @@ fn values_out_of_range_are_kept_clamped_or_rejected_and_always_counted() {
         (property(CDF), OutOfRange { below: 0, above: 1 }),
     ];
     let column = |dataset: &DatasetFolder, column: usize| -> Vec<Option<f64>> {
-        dataset
-            .tactile()
-            .readings
-            .iter()
-            .map(|reading| reading.values[column])
-            .collect()
+        let readings = dataset.tactile().readings.iter();
+        readings.map(|reading| reading.values[column]).collect()
     };
-    let kept = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Keep)).unwrap();
+    let kept = with_policy(&made, RangePolicy::Keep).unwrap();
     assert_eq!(kept.out_of_range(), counts);
     assert_eq!(column(&kept, 0), [Some(-0.5), Some(100.25), None]);
-    let clamped = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Clamp)).unwrap();
+    let clamped = with_policy(&made, RangePolicy::Clamp).unwrap();
     assert_eq!(clamped.out_of_range(), counts);
     assert_eq!(column(&clamped, 0), [Some(0.0), Some(100.0), None]);
     assert_eq!(column(&clamped, 1), [Some(100.0), Some(0.0), Some(100.0)]);
-    let rejected = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Reject)).unwrap_err();
-    assert!(rejected.to_string().ends_with(
-        "tactile.csv, line 2: fRS of `a` is -0.5, outside 0 to 100, and is to be rejected"
-    ));
+    let rejected = with_policy(&made, RangePolicy::Reject).unwrap_err();
+    let expected = "line 2: fRS of `a` is -0.5, outside 0 to 100, and is to be rejected";
+    assert!(rejected.to_string().ends_with(expected), "{rejected}");
 }
 
 fn ranged(ranges: &str, table: &str) -> Made {
@@ -67,9 +57,8 @@ fn ranged(ranges: &str, table: &str) -> Made {
 #[test]
 fn declared_ranges_hold_every_reading_ends_included() {
     let table = "surface,location,repeat,fRS,cDF\na,0,0,0,-7\nb,0,0,100,\n";
-    let dataset = ranged("fRS = [0, 100]\ncDF = [-inf, 0]", table)
-        .open()
-        .unwrap();
+    let made = ranged("fRS = [0, 100]\ncDF = [-inf, 0]", table);
+    let dataset = made.open().unwrap();
     let range = |dataset: &DatasetFolder, code| {
         let range = dataset.describe(&property(code)).range;
         range.map(PropertyRange::ends)
@@ -87,10 +76,11 @@ fn declared_ranges_hold_every_reading_ends_included() {
 #[test]
 fn what_was_clamped_is_held_to_the_range_as_it_is_then() {
     let made = ranged("fRS = [0.0, 100.0]", RANGED);
-    let opened = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Clamp));
-    assert_eq!(opened.unwrap().out_of_range()[0].1.below, 1);
-    let kept = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Keep));
-    let message = kept.unwrap_err().to_string();
+    let clamped = with_policy(&made, RangePolicy::Clamp).unwrap();
+    assert_eq!(clamped.out_of_range()[0].1.below, 1);
+    let message = with_policy(&made, RangePolicy::Keep)
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("line 2: fRS of `a` is -0.5"), "{message}");
 }
 
@@ -131,10 +121,8 @@ fn repeats_and_locations_average_separately_and_keep_their_spread() {
     assert!((cell.location_std.unwrap() - 32.0_f64.sqrt()).abs() < 1e-12);
     assert_eq!(mean.cell(0, CDF), None);
     let single = mean.cell(1, FRS).unwrap();
-    assert_eq!(
-        (single.value, single.repeat_std, single.location_std),
-        (5.0, None, None)
-    );
+    let spread = (single.repeat_std, single.location_std);
+    assert_eq!((single.value, spread), (5.0, (None, None)));
     assert_eq!(mean.value(1, CDF), Some(7.5));
     assert_eq!(mean.column(FRS), [Some(8.0), Some(5.0), None]);
 
@@ -152,44 +140,24 @@ fn repeats_and_locations_average_separately_and_keep_their_spread() {
 
 #[test]
 fn averages_of_values_far_from_zero_keep_their_digits() {
-    let touch = |repeat, value| Reading {
-        surface: 0,
-        location: 0,
-        repeat,
-        values: vec![Some(value)],
-    };
-    let readings = (0..1000)
-        .map(|i| touch(i, 1e8 + f64::from(i % 2) * 1e-6))
-        .collect();
-    let table = TactileTable {
-        properties: vec![property(FRS)],
-        readings,
-    };
-    let cell = table
-        .averages(&TactileSettings::default(), 1)
-        .cell(0, FRS)
-        .unwrap();
+    let touch = |i: u32| (0, i, Some(1e8 + f64::from(i % 2) * 1e-6));
+    let table = table(&(0..1000).map(touch).collect::<Vec<_>>());
+    let averages = table.averages(&TactileSettings::default(), 1);
+    let cell = averages.cell(0, FRS).unwrap();
     // Halves of 1e-6, to the spacing of doubles at 1e8.
-    assert!(
-        (cell.value - (1e8 + 5e-7)).abs() <= 1.5e-8,
-        "{}",
-        cell.value
-    );
+    let (mean, std) = (cell.value, cell.repeat_std.unwrap());
+    assert!((mean - (1e8 + 5e-7)).abs() <= 1.5e-8, "{mean}");
     // The stored values are multiples of 1.49e-8, so the spread is that far from 5e-7 at most.
-    assert!(
-        (cell.repeat_std.unwrap() - 5e-7).abs() <= 1.5e-8,
-        "{:?}",
-        cell.repeat_std
-    );
+    assert!((std - 5e-7).abs() <= 1.5e-8, "{std}");
 }
 
 /// A touch: location, repeat, value.
 fn touches() -> impl Strategy<Value = Vec<(u32, u32, Option<f64>)>> {
     let touch = (0_u32..4, prop::option::weighted(0.9, -50.0..150.0_f64));
     prop::collection::vec(touch, 1..40).prop_map(|touches| {
-        let numbered = touches.into_iter().enumerate();
+        let numbered = (0..).zip(touches);
         numbered
-            .map(|(i, (location, value))| (location, i as u32, value))
+            .map(|(at, (location, value))| (location, at, value))
             .collect()
     })
 }

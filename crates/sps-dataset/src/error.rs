@@ -2,28 +2,15 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::{InvalidCode, UnknownName};
-
 /// A dataset, or a table of one, that cannot be read: which file, where in it, and why.
 ///
 /// Frames have their own [`FrameError`](crate::FrameError).
 #[derive(Debug, thiserror::Error)]
-#[error("{}{}{place}: {kind}", path.display(), place.separator())]
+#[error("{}{}{place}: {kind}", path.display(), if *place == Place::File { "" } else { ", " })]
 pub struct DatasetError {
     path: PathBuf,
     place: Place,
-    kind: Box<DatasetErrorKind>,
-}
-
-/// Where in a file something was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// The file as a whole.
-    File,
-    /// A line, from 1.
-    Line(u64),
-    /// A key of a JSON object, or an array of an NPZ archive.
-    Key(String),
+    kind: DatasetErrorKind,
 }
 
 /// Why a dataset cannot be read.
@@ -33,62 +20,37 @@ pub enum DatasetErrorKind {
     /// The file or folder cannot be opened or read.
     #[error("cannot be read: {0}")]
     Io(io::Error),
-    /// The file is larger than the reader allows.
-    #[error("has {bytes} bytes, more than the limit of {limit}")]
-    TooLarge {
-        /// Its size.
-        bytes: u64,
-        /// The largest size allowed.
-        limit: u64,
-    },
-    /// The file breaks the rules of its format.
-    #[error("is not valid {format}: {reason}")]
-    Malformed {
-        /// The format, for example `TOML`.
-        format: &'static str,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A key, value or surface that there is not.
-    #[error("{0}")]
-    UnknownName(UnknownName),
-    /// A column whose name cannot be the code of a property.
-    #[error("{0}; `ignore-columns` leaves a column out")]
-    InvalidCode(InvalidCode),
-    /// The file is sound, but says what no dataset can have.
+    /// The file breaks the rules of its format, is too large, or says what no dataset can have.
     #[error("{0}")]
     Invalid(String),
 }
 
+/// View angles, a range or an order of properties that no dataset can have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct InvalidValue(pub(crate) String);
+
+/// Where in a file something was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// The file as a whole.
+    File,
+    /// A line, from 1.
+    Line(u64),
+    /// A key of a JSON object, or an array of an NPZ archive.
+    Key(String),
+}
+
+/// What is wrong in a file; whoever opened it adds its name.
+pub(crate) struct Fault {
+    place: Place,
+    kind: DatasetErrorKind,
+}
+
 impl DatasetError {
-    pub(crate) fn new(path: &Path, place: Place, kind: DatasetErrorKind) -> Self {
-        Self {
-            path: path.to_owned(),
-            place,
-            kind: Box::new(kind),
-        }
-    }
-
-    pub(crate) fn file(path: &Path, kind: DatasetErrorKind) -> Self {
-        Self::new(path, Place::File, kind)
-    }
-
-    pub(crate) fn line(path: &Path, line: u64, kind: DatasetErrorKind) -> Self {
-        Self::new(path, Place::Line(line), kind)
-    }
-
-    pub(crate) fn key(path: &Path, key: &str, kind: DatasetErrorKind) -> Self {
-        Self::new(path, Place::Key(key.to_owned()), kind)
-    }
-
     /// The file or folder.
     pub fn path(&self) -> &Path {
         &self.path
-    }
-
-    /// Where in it.
-    pub fn place(&self) -> &Place {
-        &self.place
     }
 
     /// Why.
@@ -97,7 +59,29 @@ impl DatasetError {
     }
 }
 
+impl Fault {
+    pub(crate) fn of_file(self, path: &Path) -> DatasetError {
+        DatasetError {
+            path: path.to_owned(),
+            place: self.place,
+            kind: self.kind,
+        }
+    }
+}
+
 impl DatasetErrorKind {
+    pub(crate) fn at(self, place: Place) -> Fault {
+        Fault { place, kind: self }
+    }
+
+    pub(crate) fn at_key(self, key: &str) -> Fault {
+        self.at(Place::Key(key.to_owned()))
+    }
+
+    pub(crate) fn malformed(format: &str, reason: impl fmt::Display) -> Self {
+        Self::Invalid(format!("is not valid {format}: {reason}"))
+    }
+
     pub(crate) fn unexpected(
         what: impl fmt::Display,
         found: impl fmt::Display,
@@ -107,31 +91,33 @@ impl DatasetErrorKind {
     }
 
     /// A text where a number belongs.
-    pub(crate) fn not_a_number(column: &str, found: &str, expected: &str) -> Self {
-        Self::Invalid(format!(
-            "found `{found}` in column `{column}`, expected {expected}"
-        ))
+    pub(crate) fn not_a_number(column: &str, found: impl fmt::Display, expected: &str) -> Self {
+        let found = format!("found `{found}` in column `{column}`");
+        Self::Invalid(format!("{found}, expected {expected}"))
     }
 
     pub(crate) fn twice(surface: &str, first: &Place) -> Self {
-        Self::Invalid(format!(
-            "surface `{surface}` is listed twice, first at {first}"
-        ))
+        let twice = format!("surface `{surface}` is listed twice");
+        Self::Invalid(format!("{twice}, first at {first}"))
     }
 
     /// A table whose columns carry no names, and no order was given for them.
     pub(crate) fn no_property_order() -> Self {
-        Self::Invalid(
-            "the order of its properties is not given: the file does not name its columns, so \
-             `property-order` must list the tactile property of each, in order"
-                .to_owned(),
-        )
+        let text = "the order of its properties is not given: the file does not name its columns, so \
+                    `property-order` must list the tactile property of each, in order";
+        Self::Invalid(text.to_owned())
     }
 }
 
-impl Place {
-    fn separator(&self) -> &'static str {
-        if *self == Self::File { "" } else { ", " }
+impl From<io::Error> for DatasetErrorKind {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<DatasetErrorKind> for Fault {
+    fn from(kind: DatasetErrorKind) -> Self {
+        kind.at(Place::File)
     }
 }
 

@@ -57,9 +57,9 @@ impl Frame {
     /// [`read_image_resized`](crate::read_image_resized) takes a fraction of the memory.
     ///
     /// # Errors
-    /// [`FrameErrorKind::NotItsPixels`] where the frame has no pixels, or its data is not
-    /// `height * width * 3` values; [`FrameErrorKind::ResizedTooLarge`] where the result would have
-    /// more pixels than [`Limits::pixels`] are by default.
+    /// [`FrameErrorKind::Invalid`] where the frame has no pixels, or its data is not `height * width *
+    /// 3` values; [`FrameErrorKind::ResizedTooLarge`] where the result would have more pixels than
+    /// [`Limits::pixels`] are by default.
     ///
     /// ```
     /// use sps_dataset::Frame;
@@ -70,15 +70,8 @@ impl Frame {
     /// # Ok::<(), sps_dataset::FrameErrorKind>(())
     /// ```
     pub fn resized(&self, shorter_side: usize) -> Result<Cow<'_, Self>, FrameErrorKind> {
-        let values = self.width.checked_mul(self.height);
-        let values = values.and_then(|pixels| pixels.checked_mul(3));
-        if self.data.is_empty() || values != Some(self.data.len()) {
-            return Err(FrameErrorKind::NotItsPixels {
-                width: self.width,
-                height: self.height,
-                values: self.data.len(),
-            });
-        }
+        let checked = check_values(self.extent(), &self.data);
+        checked.map_err(FrameErrorKind::Invalid)?;
         let extent = self.extent().resized(shorter_side)?;
         if extent == self.extent() {
             return Ok(Cow::Borrowed(self));
@@ -121,4 +114,18 @@ impl Extent {
         }
         Ok(Self { width, height })
     }
+}
+
+/// Refuses an image without pixels, or with other than three values for each.
+pub(crate) fn check_values(extent: Extent, data: &[f32]) -> Result<(), String> {
+    let Extent { width, height } = extent;
+    let pixels = width.checked_mul(height);
+    let values = data.len();
+    if values > 0 && pixels.and_then(|pixels| pixels.checked_mul(3)) == Some(values) {
+        return Ok(());
+    }
+    let expected = "expected three for each";
+    Err(format!(
+        "has {values} values for {width} x {height} pixels, {expected}"
+    ))
 }

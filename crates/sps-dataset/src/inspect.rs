@@ -1,3 +1,4 @@
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
@@ -5,7 +6,8 @@ use serde::Serialize;
 
 use crate::intraclass::intraclass;
 use crate::{
-    DatasetFolder, FrameIndex, LightCounts, OutOfRange, Property, Source, TactileSettings,
+    DatasetFolder, Decoded, Description, Extent, LightCounts, OutOfRange, Property, Source,
+    TactileSettings,
 };
 
 /// What a dataset holds, and what is wrong with it.
@@ -98,29 +100,22 @@ impl DatasetFolder {
         for surface in surfaces {
             *materials.entry(&surface.material).or_default() += 1;
         }
+        let materials = materials.into_iter();
         let mut materials: Vec<(String, usize)> = materials
-            .into_iter()
             .map(|(name, count)| (name.to_owned(), count))
             .collect();
-        materials.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        materials.sort_by_key(|&(_, count)| Reverse(count));
         let groups: BTreeSet<&str> = surfaces.iter().map(|s| s.group.as_str()).collect();
-        let touched: BTreeSet<usize> = self
-            .tactile()
-            .readings
-            .iter()
-            .map(|reading| reading.surface)
-            .collect();
-        let untouched = surfaces
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| !touched.contains(i));
+        let readings = &self.tactile().readings;
+        let touched: BTreeSet<usize> = readings.iter().map(|reading| reading.surface).collect();
+        let untouched = (0..).zip(surfaces).filter(|(at, _)| !touched.contains(at));
         Inspection {
             name: self.name().to_owned(),
             surfaces: surfaces.len(),
             views: self.view_angles().len(),
             groups: groups.len(),
             materials,
-            readings: self.tactile().readings.len(),
+            readings: readings.len(),
             untouched: untouched.map(|(_, surface)| surface.id.clone()).collect(),
             properties: self.property_summaries(*settings),
             frames: None,
@@ -128,61 +123,51 @@ impl DatasetFolder {
     }
 
     fn property_summaries(&self, settings: TactileSettings) -> Vec<PropertySummary> {
-        let averages = self.tactile().averages(&settings, self.surfaces().len());
+        let surfaces = self.surfaces();
+        let averages = self.tactile().averages(&settings, surfaces.len());
         let summary = |(column, (property, out_of_range)): (usize, &(Property, OutOfRange))| {
-            let surfaces = self.surfaces().iter().enumerate();
-            let of_groups = surfaces.filter_map(|(s, surface)| {
-                let value = averages.value(s, property)?;
-                Some((surface.group.as_str(), value))
-            });
-            let cells = (0..self.surfaces().len()).filter_map(|s| averages.cell(s, property));
-            let values: Vec<f64> = cells.clone().map(|cell| cell.value).collect();
+            let cells = (0..surfaces.len()).filter_map(|s| averages.cell(s, property));
             let spreads: Vec<f64> = cells.filter_map(|cell| cell.repeat_std).collect();
-            let readings = &self.tactile().readings;
+            let values = averages.column(property);
+            let grouped = surfaces.iter().zip(&values);
+            let grouped =
+                grouped.filter_map(|(surface, value)| Some((surface.group.as_str(), (*value)?)));
+            let between_groups = intraclass(grouped);
+            let values: Vec<f64> = values.into_iter().flatten().collect();
+            let readings = self.tactile().readings.iter();
+            let Description { name, unit, .. } = self.manifest().describe(property);
             PropertySummary {
                 property: property.clone(),
-                name: self.manifest().describe(property).name,
-                unit: self.manifest().describe(property).unit,
+                name,
+                unit,
                 measured: values.len(),
-                missing_cells: readings
-                    .iter()
-                    .filter(|r| r.values[column].is_none())
-                    .count(),
+                missing_cells: readings.filter(|r| r.values[column].is_none()).count(),
                 out_of_range: *out_of_range,
                 quantiles: quantiles(values),
                 repeat_std: quantiles(spreads).map(|[_, _, median, _, _]| median),
-                between_groups: intraclass(of_groups),
+                between_groups,
             }
         };
-        self.out_of_range()
-            .iter()
-            .enumerate()
-            .map(summary)
-            .collect()
+        let properties = self.out_of_range().iter().enumerate();
+        properties.map(summary).collect()
     }
 
     /// Decodes every frame in parallel; `progress` is called after each.
     pub fn inspect_frames(&self, progress: impl Fn() + Sync) -> FrameSummary {
         let views = self.view_angles().len();
-        let index = |i: usize| FrameIndex {
-            surface: i / views,
-            view: i % views,
-        };
         let expected = self.surfaces().len() * views;
-        let check = |i: usize| {
-            let FrameIndex { surface, view } = index(i);
+        let check = |frame: usize| {
+            let (surface, view) = (frame / views, frame % views);
             let decoded = self.decode(surface, view);
             progress();
-            decoded
-                .map(|one| (one.frame.width, one.frame.height, one.light))
-                .map_err(|error| {
-                    let surface = self.surfaces()[surface].id.clone();
-                    BrokenFrame {
-                        surface,
-                        view,
-                        error: error.to_string(),
-                    }
-                })
+            match decoded {
+                Ok(Decoded { frame, light }) => Ok((frame.extent(), light)),
+                Err(error) => Err(BrokenFrame {
+                    surface: self.surfaces()[surface].id.clone(),
+                    view,
+                    error: error.to_string(),
+                }),
+            }
         };
         let checked: Vec<_> = (0..expected).into_par_iter().map(check).collect();
         let mut summary = FrameSummary {
@@ -193,26 +178,23 @@ impl DatasetFolder {
         let mut sizes: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for frame in checked {
             match frame {
-                Ok((width, height, light)) => {
+                Ok((Extent { width, height }, light)) => {
                     *sizes.entry((width, height)).or_default() += 1;
                     summary.light.add(&light);
                 }
                 Err(broken) => summary.broken.push(broken),
             }
         }
-        summary.sizes = sizes
-            .into_iter()
-            .map(|((w, h), count)| (w, h, count))
-            .collect();
+        let sizes = sizes.into_iter();
+        summary.sizes = sizes.map(|((w, h), count)| (w, h, count)).collect();
         summary
     }
 
     fn unknown_folders(&self) -> Vec<String> {
         let known: BTreeSet<&str> = self.surfaces().iter().map(|s| s.id.as_str()).collect();
-        let entries = std::fs::read_dir(self.folder().join("frames"))
-            .into_iter()
-            .flatten();
-        let folders = entries.flatten().filter(|entry| entry.path().is_dir());
+        let entries = std::fs::read_dir(self.folder().join("frames"));
+        let entries = entries.into_iter().flatten().flatten();
+        let folders = entries.filter(|entry| entry.path().is_dir());
         let names = folders.map(|entry| entry.file_name().to_string_lossy().into_owned());
         let unknown = names.filter(|name| !known.contains(name.as_str()) && !name.starts_with('.'));
         unknown.collect::<BTreeSet<_>>().into_iter().collect()

@@ -158,19 +158,17 @@ const SAME_ANGLE: f64 = 1e-9;
 ///
 /// let views = ViewAngles::evenly_spaced(-45.0, 45.0, 100)?;
 /// assert_eq!(nearest_view(views.as_slice(), RollAngle::NADIR), Some(49));
-/// # Ok::<(), sps_dataset::InvalidAngles>(())
+/// # Ok::<(), sps_dataset::InvalidValue>(())
 /// ```
 pub fn nearest_view(views: &[RollAngle], angle: RollAngle) -> Option<usize> {
     let distance = |view: &RollAngle| (view.0 - angle.0).abs();
     let least = views.iter().map(distance).fold(f64::INFINITY, f64::min);
-    views
-        .iter()
-        .position(|view| distance(view) <= least + SAME_ANGLE && least.is_finite())
+    let nearest = |view| distance(view) <= least + SAME_ANGLE && least.is_finite();
+    views.iter().position(nearest)
 }
 
-/// Decodes or renders the given frames in parallel; the result is in the order asked for.
-///
-/// All of them are held at once; [`map_frames`] makes something smaller of each as it comes.
+/// Decodes or renders the given frames in parallel; the result is in the order asked for, whatever
+/// the number of threads.
 ///
 /// # Errors
 /// That of the first frame, in the order asked for, that failed.
@@ -178,26 +176,7 @@ pub fn decode_frames(
     source: &dyn Source,
     frames: &[FrameIndex],
 ) -> Result<Vec<Frame>, SourceError> {
-    map_frames(source, frames, |_, frame| frame)
-}
-
-/// Decodes or renders the given frames in parallel and hands each to `make` on the same thread;
-/// the result is in the order asked for, whatever the number of threads.
-///
-/// # Errors
-/// That of the first frame, in the order asked for, that failed.
-pub fn map_frames<T: Send>(
-    source: &dyn Source,
-    frames: &[FrameIndex],
-    make: impl Fn(FrameIndex, Frame) -> T + Sync,
-) -> Result<Vec<T>, SourceError> {
-    let made: Vec<Result<T, SourceError>> = frames
-        .par_iter()
-        .map(|&index| {
-            source
-                .frame(index.surface, index.view)
-                .map(|frame| make(index, frame))
-        })
-        .collect();
-    made.into_iter().collect()
+    let frames = frames.par_iter();
+    let decoded = frames.map(|index| source.frame(index.surface, index.view));
+    decoded.collect::<Vec<_>>().into_iter().collect()
 }

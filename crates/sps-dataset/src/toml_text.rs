@@ -1,8 +1,11 @@
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
+use sps_base::names::UnknownName;
 
-use crate::{DatasetError, DatasetErrorKind, Place, UnknownName};
+use crate::error::Place;
+use crate::files::line_of;
+use crate::{DatasetError, DatasetErrorKind};
 
 /// Reads a TOML text into `T`; an error names the line and, for an unknown key, the nearest valid
 /// one.
@@ -31,24 +34,13 @@ use crate::{DatasetError, DatasetErrorKind, Place, UnknownName};
 /// ```
 pub fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, DatasetError> {
     toml::from_str(text).map_err(|error| {
-        let place = error
-            .span()
-            .map_or(Place::File, |span| Place::Line(line_of(text, span.start)));
-        DatasetError::new(path, place, kind_of(error.message()))
+        let span = error.span();
+        let place = span.map_or(Place::File, |span| line_of(text.as_bytes(), span.start));
+        let message = error.message();
+        let kind = match UnknownName::of_serde(message) {
+            Some(unknown) => DatasetErrorKind::Invalid(unknown.to_string()),
+            None => DatasetErrorKind::malformed("TOML", message.trim_end()),
+        };
+        kind.at(place).of_file(path)
     })
-}
-
-fn line_of(text: &str, byte: usize) -> u64 {
-    let before = text.as_bytes().iter().take(byte);
-    1 + before.filter(|&&byte| byte == b'\n').count() as u64
-}
-
-fn kind_of(message: &str) -> DatasetErrorKind {
-    UnknownName::of_serde(message).map_or_else(
-        || DatasetErrorKind::Malformed {
-            format: "TOML",
-            reason: message.trim_end().to_owned(),
-        },
-        DatasetErrorKind::UnknownName,
-    )
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sps_dataset::{
-    DecodeSettings, Extent, Frame, FrameError, PHOTOGRAPH_ENDINGS, photograph_ending, read_image,
+    DecodeSettings, Extent, Frame, FrameError, PHOTOGRAPH_ENDINGS, photograph_ending,
     read_image_resized,
 };
 use sps_models::encoders::{Block, Encoder};
@@ -335,17 +335,13 @@ pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Reads a photograph, its shorter side brought to so many pixels where any are given.
 ///
 /// # Errors
-/// What [`read_image`] says.
+/// What [`read_image_resized`] says.
 pub fn read_photograph(
     path: &Path,
     decode: &DecodeSettings,
     shorter_side: Option<usize>,
 ) -> Result<Frame, FrameError> {
-    let decoded = match shorter_side {
-        Some(pixels) => read_image_resized(path, decode, pixels)?,
-        None => read_image(path, decode)?,
-    };
-    Ok(decoded.frame)
+    Ok(read_image_resized(path, decode, shorter_side)?.frame)
 }
 
 /// Images of 64 x 64 pixels, one below the other, of every brightness and many gradients.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use sps_dataset::{DecodeSettings, Frame, Limits, decode_image, decode_image_resized, toccare};
+use sps_dataset::{DecodeSettings, Frame, Limits, decode_image_resized, toccare};
 use sps_regress::Embeddings;
 
 use crate::embedder::{Embedder, Network, read_photograph};
@@ -255,11 +255,7 @@ impl Estimator {
             limits,
             ..self.about.decode.clone()
         };
-        let decoded = match self.shorter_side(scale) {
-            Some(pixels) => decode_image_resized(bytes, &decode, pixels)?,
-            None => decode_image(bytes, &decode)?,
-        };
-        Ok(decoded.frame)
+        Ok(decode_image_resized(bytes, &decode, self.shorter_side(scale))?.frame)
     }
 
     /// Brings a photograph that is in memory to the model's scale.

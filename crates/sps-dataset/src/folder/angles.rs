@@ -4,7 +4,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::RollAngle;
+use crate::{InvalidValue, RollAngle};
 
 /// More views than any sequence has; a range must not be able to ask for all memory.
 const MOST_VIEWS: usize = 1_000_000;
@@ -26,12 +26,12 @@ impl ViewAngles {
     ///
     /// # Errors
     /// Where there is none, or one is not finite.
-    pub fn list(degrees: Vec<f64>) -> Result<Self, InvalidAngles> {
+    pub fn list(degrees: Vec<f64>) -> Result<Self, InvalidValue> {
         if degrees.is_empty() {
-            return Err(InvalidAngles("a dataset has at least one view"));
+            return invalid("a dataset has at least one view");
         }
         if degrees.iter().any(|angle| !angle.is_finite()) {
-            return Err(InvalidAngles("a view angle is a finite number of degrees"));
+            return invalid("a view angle is a finite number of degrees");
         }
         Ok(Self(degrees.into_iter().map(RollAngle).collect()))
     }
@@ -41,9 +41,9 @@ impl ViewAngles {
     ///
     /// # Errors
     /// Where `count` is zero or beyond a million, or an end is not finite.
-    pub fn evenly_spaced(from: f64, to: f64, count: usize) -> Result<Self, InvalidAngles> {
+    pub fn evenly_spaced(from: f64, to: f64, count: usize) -> Result<Self, InvalidValue> {
         if count > MOST_VIEWS {
-            return Err(InvalidAngles("a sequence has at most 1000000 views"));
+            return invalid("a sequence has at most 1000000 views");
         }
         let steps = count.saturating_sub(1).max(1);
         // Symmetric about the middle, so that the two views beside it are equally far from it.
@@ -57,10 +57,9 @@ impl ViewAngles {
     }
 }
 
-/// View angles that no sequence can have.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct InvalidAngles(&'static str);
+fn invalid(text: &str) -> Result<ViewAngles, InvalidValue> {
+    Err(InvalidValue(text.to_owned()))
+}
 
 /// A list of degrees.
 impl Serialize for ViewAngles {

@@ -4,10 +4,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sps_base::names::nearest;
 
-use crate::table::TableFormat;
+use crate::error::Fault;
 use crate::{
     DatasetError, DatasetErrorKind, Description, Origin, Property, PropertyOrder, PropertyRange,
-    ViewAngles, parse_toml,
+    TableFormat, ViewAngles, parse_toml,
 };
 
 /// What `dataset.toml` says: the dataset's name, its views and how its tactile table is laid out.
@@ -69,10 +69,8 @@ impl Manifest {
     /// property that is not listed.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DatasetError> {
         let manifest: Self = parse_toml(path, text)?;
-        manifest.check().map_err(|(what, found, expected)| {
-            let kind = DatasetErrorKind::unexpected(what, found, expected);
-            DatasetError::file(path, kind)
-        })?;
+        let checked = manifest.check().map_err(DatasetErrorKind::Invalid);
+        checked.map_err(|kind| Fault::from(kind).of_file(path))?;
         Ok(manifest)
     }
 
@@ -93,38 +91,35 @@ impl Manifest {
         range.or_else(|| self.ranges.get(property).copied())
     }
 
-    /// What is said of properties is said once, of those that there are, in texts of one line. If not:
-    /// where, what was found, and what was expected.
-    pub(super) fn check(&self) -> Result<(), (String, String, String)> {
+    /// What is said of properties is said once, of those that there are, in texts of one line. If not,
+    /// says where, what was found, and what was expected.
+    pub(super) fn check(&self) -> Result<(), String> {
         for property in self.ranges.keys().chain(self.property.keys()) {
             if self.properties.position(property).is_none() {
                 let listed: Vec<_> = self.properties.iter().map(Property::code).collect();
                 let near = nearest(property, listed.iter().copied());
                 let near = near.map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
-                return Err((
-                    "the ranges and descriptions".to_owned(),
-                    format!("one for `{property}`{near}"),
-                    format!("those of the properties: {}", listed.join(", ")),
+                return Err(format!(
+                    "the ranges and descriptions: found one for `{property}`{near}, expected those of the \
+                     properties: {}",
+                    listed.join(", ")
                 ));
             }
         }
         for (property, described) in &self.property {
             if described.range.is_some() && self.ranges.contains_key(property) {
-                return Err((
-                    format!("the range of `{property}`"),
-                    format!("one in `ranges` and one in `property.{property}`"),
-                    "one of them".to_owned(),
+                return Err(format!(
+                    "the range of `{property}`: found one in `ranges` and one in `property.{property}`, \
+                     expected one of them"
                 ));
             }
             let texts = [&described.name, &described.unit, &described.description];
-            if let Some(text) = texts
-                .into_iter()
-                .find(|text| text.chars().any(char::is_control))
-            {
-                return Err((
-                    format!("`property.{property}`"),
-                    format!("`{}`", text.escape_debug()),
-                    "a text of one line, without control characters".to_owned(),
+            let mut texts = texts.into_iter();
+            if let Some(text) = texts.find(|text| text.chars().any(char::is_control)) {
+                return Err(format!(
+                    "`property.{property}`: found `{}`, expected a text of one line, without control \
+                     characters",
+                    text.escape_debug()
                 ));
             }
         }

@@ -9,16 +9,17 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
+use crate::error::Fault;
 use crate::files::{read_file, text};
 use crate::image::{PHOTOGRAPH_ENDINGS, read_frame_file};
-use crate::table::{TactileRead, read_table};
+use crate::table::read_table;
 use crate::{
     DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Description, Frame, FrameError,
     FrameErrorKind, FrameKey, Origin, OutOfRange, Property, ReadSettings, RollAngle, Source,
     SourceError, Surface, TactileTable, read_image, read_image_resized,
 };
 
-pub use angles::{InvalidAngles, ViewAngles};
+pub use angles::ViewAngles;
 pub use manifest::Manifest;
 pub use surfaces::{InvalidSurfaceId, check_surface_id};
 use surfaces::{check_table, read_surfaces};
@@ -53,42 +54,35 @@ impl DatasetFolder {
     pub fn open(folder: &Path, settings: &ReadSettings) -> Result<Self, DatasetError> {
         let limit = settings.table_bytes;
         let path = folder.join("dataset.toml");
-        let lacks = if !folder.is_dir() {
-            Some("there is no such folder")
-        } else if !path.exists() {
-            Some("it has no `dataset.toml`")
-        } else {
-            None
+        let in_folder = |fault: Fault| fault.of_file(folder);
+        let lacks = |what| {
+            let kind = DatasetErrorKind::Invalid(format!("not a dataset: {what}"));
+            Err(in_folder(kind.into()))
         };
-        if let Some(lacks) = lacks {
-            let kind = DatasetErrorKind::Invalid(format!("not a dataset: {lacks}"));
-            return Err(DatasetError::file(folder, kind));
+        if !folder.is_dir() {
+            return lacks("there is no such folder");
+        }
+        if !path.exists() {
+            return lacks("it has no `dataset.toml`");
         }
         let bytes = read_file(&path, limit)?;
-        let manifest = Manifest::parse(&path, text(&path, "TOML", &bytes)?)?;
+        let text = text("TOML", &bytes).map_err(|fault| fault.of_file(&path))?;
+        let manifest = Manifest::parse(&path, text)?;
 
         let path = folder.join("surfaces.csv");
-        let surfaces = read_surfaces(&path, &read_file(&path, limit)?)?;
+        let surfaces = read_surfaces(&read_file(&path, limit)?);
+        let surfaces = surfaces.map_err(|fault| fault.of_file(&path))?;
         let format = settings.table.as_ref().unwrap_or(&manifest.tactile);
-        check_table(folder, format.file())?;
-        let TactileRead {
-            table,
-            out_of_range,
-        } = read_table(
-            folder,
-            format,
-            &surfaces,
-            &manifest,
-            settings.tactile.out_of_range,
-            limit,
-        )?;
+        check_table(format.file()).map_err(in_folder)?;
+        let policy = settings.tactile.out_of_range;
+        let read = read_table(folder, format, &surfaces, &manifest, policy, limit)?;
         let images = settings.images.clone();
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
             surfaces,
-            tactile: table,
-            out_of_range,
+            tactile: read.table,
+            out_of_range: read.out_of_range,
             image_key: blake3::hash(&images.key()),
             images,
         })
@@ -114,9 +108,11 @@ impl DatasetFolder {
     /// # Errors
     /// Where an index is out of range, or there is no file or more than one for that view.
     pub fn frame_path(&self, surface: usize, view: usize) -> Result<PathBuf, FrameError> {
+        let no_frame = |folder: &Path, why| FrameError::new(folder, FrameErrorKind::NoFrame(why));
         let no_such = |what, index, count| {
-            let kind = FrameErrorKind::NoSuchIndex { what, index, count };
-            FrameError::new(&self.folder, kind)
+            let why =
+                format!("there is no {what} {index}: the dataset has {count}, counted from 0");
+            no_frame(&self.folder, why)
         };
         let (surfaces, views) = (self.surfaces.len(), self.view_angles().len());
         let found = self.surfaces.get(surface);
@@ -127,19 +123,17 @@ impl DatasetFolder {
         let folder = self.folder.join("frames").join(&found.id);
         let names = PHOTOGRAPH_ENDINGS.map(|extension| format!("{view:03}.{extension}"));
         let mut files = names.iter().filter(|name| folder.join(name).is_file());
-        let kind = match (files.next(), files.next()) {
+        let why = match (files.next(), files.next()) {
             (Some(file), None) => return Ok(folder.join(file)),
-            (Some(first), Some(second)) => FrameErrorKind::Ambiguous {
-                view,
-                first: first.clone(),
-                second: second.clone(),
-            },
-            (None, _) => FrameErrorKind::Missing {
-                view,
-                tried: names.join(", "),
-            },
+            (Some(first), Some(second)) => {
+                format!("has two frames for view {view}: `{first}` and `{second}`")
+            }
+            (None, _) => {
+                let tried = names.join(", ");
+                format!("has no frame for view {view}: looked for {tried}")
+            }
         };
-        Err(FrameError::new(&folder, kind))
+        Err(no_frame(&folder, why))
     }
 
     /// Decodes one frame and says what had to be done to its light.
@@ -188,10 +182,7 @@ impl Source for DatasetFolder {
         shorter_side: Option<usize>,
     ) -> Result<Frame, SourceError> {
         let path = self.frame_path(surface, view);
-        let decoded = path.and_then(|path| match shorter_side {
-            Some(pixels) => read_image_resized(&path, &self.images, pixels),
-            None => read_image(&path, &self.images),
-        });
+        let decoded = path.and_then(|path| read_image_resized(&path, &self.images, shorter_side));
         Ok(decoded.map_err(SourceError::new)?.frame)
     }
 

@@ -1,66 +1,57 @@
 use std::collections::HashMap;
-use std::path::Path;
 
-use crate::table::{check_cells, csv_lines};
-use crate::{DatasetError, DatasetErrorKind, Place, Surface};
+use crate::error::Fault;
+use crate::table::csv_lines;
+use crate::{DatasetErrorKind, Surface};
 
 /// The columns of `surfaces.csv`, in this order.
-const HEADER: [&str; 3] = ["surface", "material", "group"];
+pub(super) const HEADER: [&str; 3] = ["surface", "material", "group"];
 
 /// Names of files with a longer stem cannot be made on common file systems.
 const LONGEST_ID: usize = 200;
 
 /// Reads `surfaces.csv`.
-pub(super) fn read_surfaces(path: &Path, bytes: &[u8]) -> Result<Vec<Surface>, DatasetError> {
-    let lines = csv_lines(path, bytes)?;
-    let Some((header, lines)) = lines.split_first() else {
-        let kind = DatasetErrorKind::unexpected("the header", "nothing", HEADER.join(","));
-        return Err(DatasetError::line(path, 1, kind));
-    };
+pub(super) fn read_surfaces(bytes: &[u8]) -> Result<Vec<Surface>, Fault> {
+    let (header, lines) = csv_lines(bytes)?;
     if !header.cells.iter().eq(HEADER) {
-        let found = header.cells.iter().collect::<Vec<_>>().join(",");
-        let kind = DatasetErrorKind::unexpected("the header", found, HEADER.join(","));
-        return Err(DatasetError::line(path, header.number, kind));
+        return Err(header.unexpected_header(&header.shown(), &HEADER.join(",")));
     }
     let mut first_seen = HashMap::new();
     let mut surfaces = Vec::with_capacity(lines.len());
     for line in lines {
-        check_cells(path, line, HEADER.len())?;
-        let cell = |column| line.cell(column).to_owned();
-        let surface = Surface {
-            id: cell(0),
-            material: cell(1),
-            group: cell(2),
-        };
-        check_surface_id(&surface.id).map_err(|InvalidSurfaceId { found, expected }| {
+        line.check_cells(HEADER.len())?;
+        let [id, material, group] = [0, 1, 2].map(|column| line.cell(column).to_owned());
+        check_surface_id(&id).map_err(|InvalidSurfaceId { found, expected }| {
             let kind = DatasetErrorKind::unexpected("a surface's id", found, expected);
-            DatasetError::line(path, line.number, kind)
+            kind.at(line.place())
         })?;
-        if let Some(first) = first_seen.insert(surface.id.clone(), line.number) {
-            let kind = DatasetErrorKind::twice(&surface.id, &Place::Line(first));
-            return Err(DatasetError::line(path, line.number, kind));
+        if let Some(first) = first_seen.insert(id.clone(), line.place()) {
+            return Err(DatasetErrorKind::twice(&id, &first).at(line.place()));
         }
-        surfaces.push(surface);
+        surfaces.push(Surface {
+            id,
+            material,
+            group,
+        });
     }
     if surfaces.is_empty() {
-        let kind = DatasetErrorKind::unexpected("its rows", "none", "at least one surface");
-        return Err(DatasetError::file(path, kind));
+        let expected = "at least one surface";
+        return Err(DatasetErrorKind::unexpected("its rows", "none", expected).into());
     }
     Ok(surfaces)
 }
 
 /// A table is read from below the dataset's folder and from nowhere else: each part of its path is
 /// held to the rules of an id, which names a folder too.
-pub(super) fn check_table(folder: &Path, file: &str) -> Result<(), DatasetError> {
-    let refused = |InvalidSurfaceId { expected, .. }| {
+pub(super) fn check_table(file: &str) -> Result<(), Fault> {
+    let mut parts = file.split('/');
+    let checked = parts.try_for_each(check_surface_id);
+    checked.map_err(|InvalidSurfaceId { expected, .. }| {
         let expected = format!("a path below the dataset's folder, each part {expected}");
         let found = format!("`{}`", file.escape_debug());
-        let kind = DatasetErrorKind::unexpected("the `file` of the tactile table", found, expected);
-        DatasetError::file(folder, kind)
-    };
-    file.split('/')
-        .try_for_each(check_surface_id)
-        .map_err(refused)
+        let what = "the `file` of the tactile table";
+        DatasetErrorKind::unexpected(what, found, expected).into()
+    })
 }
 
 /// A surface's id that cannot name a folder.

@@ -1,4 +1,5 @@
 use std::collections::{BTreeMap, HashSet};
+use std::fmt::Display;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 use super::surfaces::{InvalidSurfaceId, check_surface_id};
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::{
-    Description, EncodeError, FrameFormat, Manifest, Property, PropertyOrder, Source, SourceError,
+    Description, EncodeError, FrameFormat, Manifest, PropertyOrder, Source, SourceError,
     TableFormat, ViewAngles,
 };
 
@@ -63,28 +64,11 @@ pub enum WriteErrorKind {
     #[error("holds {0}; choose an empty folder")]
     Occupied(&'static str),
     /// The source has something that the format cannot hold.
-    #[error("{what}: found {found}, expected {expected}")]
-    Unsuitable {
-        /// What it is.
-        what: &'static str,
-        /// What was found.
-        found: String,
-        /// What was expected.
-        expected: String,
-    },
+    #[error("{0}")]
+    Unsuitable(String),
     /// The source could not give a frame.
-    #[error("view {view} of surface `{surface}` cannot be had: {error}")]
-    Frame {
-        /// The surface.
-        surface: String,
-        /// The view.
-        view: usize,
-        /// Why.
-        error: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// A frame could not be encoded.
-    #[error(transparent)]
-    Encode(EncodeError),
+    #[error("{0}")]
+    Frame(String),
 }
 
 impl WriteError {
@@ -139,7 +123,7 @@ pub fn write_dataset(
         options,
     };
     let files = writer.files()?;
-    let _lock = writer.claim(&files)?;
+    let _claim = writer.claim(&files)?;
     let (done, skipped) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let total = source.surfaces().len();
     (0..total).into_par_iter().try_for_each(|surface| {
@@ -153,8 +137,7 @@ pub fn write_dataset(
     })?;
     for (name, content) in &files {
         let path = folder.join(name);
-        write_file(&path, content.as_bytes())
-            .map_err(|error| WriteError::new(&path, error.into()))?;
+        write_file(&path, content).map_err(|error| WriteError::new(&path, error.into()))?;
     }
     let already_there = skipped.into_inner();
     Ok(Written {
@@ -163,15 +146,8 @@ pub fn write_dataset(
     })
 }
 
-/// A folder that no other process writes into meanwhile.
+/// A file that is locked as long as a process writes into its folder.
 struct Claim(File);
-
-impl Claim {
-    fn of(file: File) -> Result<Self, TryLockError> {
-        file.try_lock()?;
-        Ok(Self(file))
-    }
-}
 
 impl Drop for Claim {
     /// Closing the file would not always do: a child that another thread is just starting has it as
@@ -181,6 +157,9 @@ impl Drop for Claim {
     }
 }
 
+/// Names and contents of files, in the order of writing.
+type Files = [(&'static str, Vec<u8>); 3];
+
 struct Writer<'a> {
     source: &'a dyn Source,
     folder: &'a Path,
@@ -188,48 +167,42 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Everything but the frames, in the order of writing.
-    fn files(&self) -> Result<[(&'static str, String); 3], WriteError> {
+    /// Everything but the frames.
+    fn files(&self) -> Result<Files, WriteError> {
         self.check_surfaces()?;
         let manifest = self.manifest()?;
-        let encode = |error: String| {
-            WriteError::new(self.folder, WriteErrorKind::Io(io::Error::other(error)))
-        };
+        let error = |error: io::Error| WriteError::new(self.folder, error.into());
+        let manifest = toml::to_string(&manifest).map_err(|e| error(io::Error::other(e)))?;
+        let surfaces = surfaces_csv(self.source.surfaces()).map_err(error)?;
+        let tactile = tactile_csv(self.source).map_err(error)?;
         Ok([
-            (
-                "surfaces.csv",
-                surfaces_csv(self.source.surfaces()).map_err(encode)?,
-            ),
-            ("tactile.csv", tactile_csv(self.source).map_err(encode)?),
-            (
-                "dataset.toml",
-                toml::to_string(&manifest).map_err(|e| encode(e.to_string()))?,
-            ),
+            ("surfaces.csv", surfaces),
+            ("tactile.csv", tactile),
+            ("dataset.toml", manifest.into_bytes()),
         ])
     }
 
-    fn unsuitable(&self, what: &'static str, found: String, expected: &str) -> WriteError {
-        let expected = expected.to_owned();
-        let kind = WriteErrorKind::Unsuitable {
-            what,
-            found,
-            expected,
-        };
-        WriteError::new(self.folder, kind)
+    fn unsuitable(&self, text: String) -> WriteError {
+        WriteError::new(self.folder, WriteErrorKind::Unsuitable(text))
+    }
+
+    /// Something of the source that is not as it must be.
+    fn unexpected(&self, what: &str, found: impl Display, expected: &str) -> WriteError {
+        self.unsuitable(format!("{what}: found {found}, expected {expected}"))
     }
 
     fn check_surfaces(&self) -> Result<(), WriteError> {
         if self.source.surfaces().is_empty() {
-            return Err(self.unsuitable("the surfaces", "none".to_owned(), "at least one"));
+            return Err(self.unexpected("the surfaces", "none", "at least one"));
         }
         let mut ids = HashSet::new();
         for surface in self.source.surfaces() {
             check_surface_id(&surface.id).map_err(|InvalidSurfaceId { found, expected }| {
-                self.unsuitable("the id of a surface", found, expected)
+                self.unexpected("the id of a surface", found, expected)
             })?;
             if !ids.insert(&surface.id) {
                 let found = format!("`{}` twice", surface.id);
-                return Err(self.unsuitable("the ids of the surfaces", found, "each once"));
+                return Err(self.unexpected("the ids of the surfaces", found, "each once"));
             }
         }
         Ok(())
@@ -238,19 +211,18 @@ impl Writer<'_> {
     fn manifest(&self) -> Result<Manifest, WriteError> {
         let angles = self.source.view_angles().iter();
         let view_angles_deg = ViewAngles::list(angles.map(|angle| angle.0).collect())
-            .map_err(|error| self.unsuitable("the views", error.to_string(), "finite angles"))?;
+            .map_err(|error| self.unexpected("the views", error, "finite angles"))?;
         let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
-            .map_err(|error| self.unsuitable("the properties", error.to_string(), "each once"))?;
+            .map_err(|error| self.unexpected("the properties", error, "each once"))?;
         // What is known of a code anyway is not written.
         let described = properties.iter().filter_map(|property| {
             let mut described = self.source.describe(property);
-            let known = Description::known(property);
-            if described.name == known.name {
+            if described.name == Description::known(property).name {
                 described.name.clear();
             }
             (described != Description::default()).then(|| (property.clone(), described))
         });
-        let described: BTreeMap<Property, Description> = described.collect();
+        let described = described.collect();
         let manifest = Manifest {
             name: self.source.name().to_owned(),
             description: self.options.description.clone(),
@@ -262,13 +234,7 @@ impl Writer<'_> {
             tactile: TableFormat::default(),
             property: described,
         };
-        manifest.check().map_err(|(what, found, expected)| {
-            self.unsuitable(
-                "what is said of the properties",
-                format!("{found} at {what}"),
-                &expected,
-            )
-        })?;
+        manifest.check().map_err(|text| self.unsuitable(text))?;
         self.check_readings(&manifest)?;
         Ok(manifest)
     }
@@ -287,7 +253,7 @@ impl Writer<'_> {
                     let id = surface.map_or("", |surface| &surface.id);
                     let found = format!("{property} of `{id}` at {value}");
                     let expected = format!("{low} to {high}, as the source declares");
-                    return Err(self.unsuitable("a reading", found, &expected));
+                    return Err(self.unexpected("a reading", found, &expected));
                 }
             }
         }
@@ -295,30 +261,27 @@ impl Writer<'_> {
     }
 
     /// Makes the folder this dataset's own, or finds that it is.
-    fn claim(&self, files: &[(&'static str, String)]) -> Result<Claim, WriteError> {
+    fn claim(&self, files: &Files) -> Result<Claim, WriteError> {
         let frames = self.folder.join("frames");
         let path = self.folder.join(PLAN);
         let error = |error: io::Error| WriteError::new(&path, error.into());
-        let occupied = |by| WriteError::new(self.folder, WriteErrorKind::Occupied(by));
+        let occupied = |by| Err(WriteError::new(self.folder, WriteErrorKind::Occupied(by)));
         let dataset = frames.exists() || self.folder.join("dataset.toml").exists();
         if dataset && !path.exists() {
-            return Err(occupied("a dataset that was not written by this program"));
+            return occupied("a dataset that was not written by this program");
         }
         fs::create_dir_all(&frames).map_err(error)?;
-        let mut file = File::options();
-        let file = file
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path);
-        let mut claim = Claim::of(file.map_err(error)?).map_err(|refused| match refused {
+        let mut options = File::options();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let file = options.open(&path).map_err(error)?;
+        file.try_lock().map_err(|refused| match refused {
             TryLockError::WouldBlock => WriteError::new(self.folder, WriteErrorKind::InUse),
             TryLockError::Error(refused) => error(refused),
         })?;
+        let mut claim = Claim(file);
         for folder in [self.folder, &frames] {
-            remove_unfinished(folder, Duration::ZERO)
-                .map_err(|left| WriteError::new(folder, left.into()))?;
+            let removed = remove_unfinished(folder, Duration::ZERO);
+            removed.map_err(|left| WriteError::new(folder, left.into()))?;
         }
         let plan = self.plan(files)?;
         let mut found = Vec::new();
@@ -329,26 +292,22 @@ impl Writer<'_> {
         }
         // A program that was stopped may have left only the beginning.
         if !plan.as_bytes().starts_with(&found) {
-            return Err(occupied(
-                "another dataset, or the same of another version or settings",
-            ));
+            return occupied("another dataset, or the same of another version or settings");
         }
-        file.rewind()
-            .and_then(|()| file.write_all(plan.as_bytes()))
-            .map_err(error)?;
-        file.sync_all().map_err(error)?;
+        let written = file.rewind().and_then(|()| file.write_all(plan.as_bytes()));
+        written.and_then(|()| file.sync_all()).map_err(error)?;
         Ok(claim)
     }
 
     /// Differs whenever anything that is to be written does.
-    fn plan(&self, files: &[(&'static str, String)]) -> Result<String, WriteError> {
+    fn plan(&self, files: &Files) -> Result<String, WriteError> {
         let key = self.source.frame_key(0, 0);
-        let key = key.map_err(|error| self.no_frame(0, 0, Box::new(error)))?;
+        let key = key.map_err(|error| self.no_frame(0, 0, &error))?;
         let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 write plan 2");
         hasher.update(&key);
         hasher.update(self.options.format.extension().as_bytes());
         for (_, content) in files {
-            hasher.update(content.as_bytes());
+            hasher.update(content);
         }
         Ok(format!("{}\n", hasher.finalize()))
     }
@@ -376,11 +335,12 @@ impl Writer<'_> {
         let write = |partial: &Path| {
             (0..views).into_par_iter().try_for_each(|view| {
                 let path = partial.join(self.frame_name(view));
-                let bytes = self.encoded(surface, view);
-                let bytes = bytes
-                    .map_err(|error| self.no_frame(surface, view, Box::new(error)))?
-                    .map_err(|error| WriteError::new(&path, WriteErrorKind::Encode(error)))?;
-                write_new(&path, &bytes).map_err(|error| WriteError::new(&path, error.into()))
+                let error = |kind| WriteError::new(&path, kind);
+                let bytes = self
+                    .encoded(surface, view)
+                    .map_err(|refused| self.no_frame(surface, view, &refused))?
+                    .map_err(|refused| error(WriteErrorKind::Unsuitable(refused.to_string())))?;
+                write_new(&path, &bytes).map_err(|refused| error(refused.into()))
             })
         };
         write_folder(&folder, write, |error| {
@@ -395,7 +355,7 @@ impl Writer<'_> {
         view: usize,
     ) -> Result<Result<Vec<u8>, EncodeError>, SourceError> {
         let format = self.options.format;
-        if format.is_linear()
+        if format != FrameFormat::Png
             && let Some(light) = self.source.linear_frame(surface, view)?
         {
             return Ok(format.encode_linear(&light));
@@ -403,20 +363,9 @@ impl Writer<'_> {
         Ok(format.encode(&self.source.frame(surface, view)?))
     }
 
-    fn no_frame(
-        &self,
-        surface: usize,
-        view: usize,
-        error: Box<dyn std::error::Error + Send + Sync>,
-    ) -> WriteError {
-        let surface = self.source.surfaces()[surface].id.clone();
-        WriteError::new(
-            self.folder,
-            WriteErrorKind::Frame {
-                surface,
-                view,
-                error,
-            },
-        )
+    fn no_frame(&self, surface: usize, view: usize, error: &SourceError) -> WriteError {
+        let surface = &self.source.surfaces()[surface].id;
+        let text = format!("view {view} of surface `{surface}` cannot be had: {error}");
+        WriteError::new(self.folder, WriteErrorKind::Frame(text))
     }
 }

@@ -17,34 +17,9 @@ pub enum FrameErrorKind {
     /// The file cannot be opened or read.
     #[error("cannot be read: {0}")]
     Io(io::Error),
-    /// No file for that view.
-    #[error("has no frame for view {view}: looked for {tried}")]
-    Missing {
-        /// The view.
-        view: usize,
-        /// The file names looked for.
-        tried: String,
-    },
-    /// Two files for one view.
-    #[error("has two frames for view {view}: `{first}` and `{second}`")]
-    Ambiguous {
-        /// The view.
-        view: usize,
-        /// One file name.
-        first: String,
-        /// The other.
-        second: String,
-    },
-    /// A surface or view that the dataset does not have.
-    #[error("there is no {what} {index}: the dataset has {count}, counted from 0")]
-    NoSuchIndex {
-        /// `surface` or `view`.
-        what: &'static str,
-        /// The index asked for.
-        index: usize,
-        /// How many there are.
-        count: usize,
-    },
+    /// No file for that view, or two; or the dataset has no such surface or view.
+    #[error("{0}")]
+    NoFrame(String),
     /// The file is larger than [`Limits::file_bytes`](crate::Limits::file_bytes).
     #[error("has {bytes} bytes, more than the limit `file-bytes` = {limit}")]
     FileTooLarge {
@@ -63,16 +38,6 @@ pub enum FrameErrorKind {
         /// The most pixels allowed.
         limit: u64,
     },
-    /// A frame to be resized without three values for each of its pixels, or without pixels.
-    #[error("has {values} values for {width} x {height} pixels, expected three for each")]
-    NotItsPixels {
-        /// Its columns.
-        width: usize,
-        /// Its rows.
-        height: usize,
-        /// How many values it has.
-        values: usize,
-    },
     /// A size beyond what [`Limits::pixels`](crate::Limits::pixels) are by default.
     #[error(
         "would have {width} x {height} pixels with a shorter side of {shorter_side}, more than the \
@@ -88,61 +53,30 @@ pub enum FrameErrorKind {
         /// The most pixels allowed.
         limit: u64,
     },
-    /// The first bytes are of no known format.
-    #[error("begins with {found}, which is no PNG, JPEG or EXR")]
-    UnknownFormat {
-        /// The first bytes.
-        found: String,
-    },
     /// The file is cut off or its content contradicts itself.
-    #[error("is not a whole {format} image: {reason}")]
-    Damaged {
-        /// The format.
-        format: ImageFormat,
-        /// What is wrong.
-        reason: String,
-    },
+    #[error("{0}")]
+    Damaged(String),
     /// The file may be sound, but uses something that is not read.
-    #[error("uses a feature of {format} that is not read: {reason}")]
-    Unsupported {
-        /// The format.
-        format: ImageFormat,
-        /// What it uses.
-        reason: String,
-    },
-    /// An EXR without the channels of a picture.
-    #[error("has the channels {found}; expected {expected}")]
-    MissingChannels {
-        /// The channels it has.
-        found: String,
-        /// Those that are needed.
-        expected: String,
-    },
-    /// An EXR with samples that are no light, under
-    /// [`NonFinite::Reject`](crate::NonFinite::Reject).
-    #[error("has {nan} NaN and {infinite} infinite samples, and the policy is to reject them")]
-    NonFinite {
-        /// NaN samples.
-        nan: usize,
-        /// Infinite samples.
-        infinite: usize,
-    },
+    #[error("{0}")]
+    Unsupported(String),
+    /// No frame can be made of what is there: an unknown format, channels that make no picture,
+    /// samples that are no light under [`NonFinite::Reject`](crate::NonFinite::Reject), or a frame to
+    /// be resized without three values for each of its pixels.
+    #[error("{0}")]
+    Invalid(String),
 }
 
 /// The image formats that frames are read from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ImageFormat {
-    /// Portable Network Graphics.
+#[derive(Clone, Copy)]
+pub(super) enum ImageFormat {
     Png,
-    /// Baseline or progressive JPEG.
     Jpeg,
-    /// OpenEXR.
     Exr,
 }
 
 impl fmt::Display for ImageFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
+        f.write_str(match self {
             Self::Png => "PNG",
             Self::Jpeg => "JPEG",
             Self::Exr => "EXR",
@@ -170,17 +104,19 @@ impl FrameError {
 }
 
 impl FrameErrorKind {
-    pub(crate) fn damaged(format: ImageFormat, reason: impl fmt::Display) -> Self {
-        Self::Damaged {
-            format,
-            reason: reason.to_string(),
-        }
+    pub(super) fn damaged(format: ImageFormat, reason: impl fmt::Display) -> Self {
+        Self::Damaged(format!("is not a whole {format} image: {reason}"))
     }
 
-    pub(crate) fn unsupported(format: ImageFormat, reason: impl fmt::Display) -> Self {
-        Self::Unsupported {
-            format,
-            reason: reason.to_string(),
-        }
+    pub(super) fn unsupported(format: ImageFormat, reason: impl fmt::Display) -> Self {
+        Self::Unsupported(format!(
+            "uses a feature of {format} that is not read: {reason}"
+        ))
+    }
+}
+
+impl From<io::Error> for FrameErrorKind {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
     }
 }

@@ -5,20 +5,19 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::exif::Orientation;
-use super::jpeg_markers::Markers;
 use super::samples::{Depth, Samples};
 use super::{FrameErrorKind, ImageFormat, Limits, check_size};
 use crate::Extent;
 
 /// The samples of the upright image.
 pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameErrorKind> {
-    let markers = Markers::scan(file).ok_or_else(|| {
+    let stray_bytes = has_stray_bytes(file).ok_or_else(|| {
         FrameErrorKind::damaged(ImageFormat::Jpeg, "it stops before its end mark")
     })?;
     // Lenient decoding paints what is damaged grey; but strict decoding also refuses the stray
     // bytes that some cameras leave between segments.
     let options = DecoderOptions::default()
-        .set_strict_mode(!markers.stray_bytes)
+        .set_strict_mode(!stray_bytes)
         .set_max_width(usize::from(u16::MAX))
         .set_max_height(usize::from(u16::MAX));
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
@@ -53,5 +52,49 @@ fn refused(error: DecodeErrors) -> FrameErrorKind {
             FrameErrorKind::unsupported(ImageFormat::Jpeg, format!("{scheme:?}"))
         }
         error => FrameErrorKind::damaged(ImageFormat::Jpeg, format!("{error:?}")),
+    }
+}
+
+const END_OF_IMAGE: u8 = 0xd9;
+const START_OF_SCAN: u8 = 0xda;
+
+/// Walks from marker to marker up to the end of the image and says whether there are stray bytes
+/// between segments, which viewers skip; `None` where the file stops short of the end. Decoders
+/// fill what is missing with grey instead.
+fn has_stray_bytes(bytes: &[u8]) -> Option<bool> {
+    let mut stray_bytes = false;
+    let mut at = 2;
+    loop {
+        if *bytes.get(at)? != 0xff {
+            stray_bytes = true;
+            at += bytes[at..].iter().position(|&byte| byte == 0xff)?;
+        }
+        while *bytes.get(at)? == 0xff {
+            at += 1;
+        }
+        let marker = bytes[at];
+        at += 1;
+        match marker {
+            END_OF_IMAGE => return Some(stray_bytes),
+            // Restart marks, stuffing and the temporary mark stand alone.
+            0xd0..=0xd7 | 0x00 | 0x01 => continue,
+            _ => {}
+        }
+        let length = u16::from_be_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]);
+        at += usize::from(length).max(2);
+        if marker == START_OF_SCAN {
+            at = end_of_scan(bytes, at)?;
+        }
+    }
+}
+
+/// Where the entropy-coded data that begins at `at` ends: the next mark that is no restart.
+fn end_of_scan(bytes: &[u8], mut at: usize) -> Option<usize> {
+    loop {
+        at += bytes.get(at..)?.iter().position(|&byte| byte == 0xff)?;
+        if !matches!(bytes.get(at + 1)?, 0x00 | 0xff | 0xd0..=0xd7) {
+            return Some(at);
+        }
+        at += 1;
     }
 }

@@ -5,8 +5,6 @@ mod exif;
 #[cfg(feature = "exr")]
 mod exr;
 mod jpeg;
-mod jpeg_markers;
-mod light;
 mod png;
 mod samples;
 mod settings;
@@ -16,11 +14,13 @@ mod write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use crate::Frame;
-use crate::files::{ReadError, read_bytes};
+use serde::Serialize;
 
-pub use error::{FrameError, FrameErrorKind, ImageFormat};
-pub use light::LightCounts;
+use crate::Frame;
+use crate::files::read_bytes;
+
+use error::ImageFormat;
+pub use error::{FrameError, FrameErrorKind};
 use samples::Samples;
 pub use settings::{DecodeSettings, Limits, NonFinite};
 pub use write::{EncodeError, FrameFormat};
@@ -44,6 +44,30 @@ pub struct Decoded {
     pub light: LightCounts,
 }
 
+/// What had to be done to the linear light of an EXR to show it, in samples (three per pixel).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct LightCounts {
+    /// NaN, shown black.
+    pub nan: usize,
+    /// Infinite: shown white, or black where negative.
+    pub infinite: usize,
+    /// Finite light below zero, shown black.
+    pub negative: usize,
+    /// Finite light above 1 after exposure, shown white.
+    pub clipped: usize,
+}
+
+impl LightCounts {
+    /// Adds the counts of another frame.
+    pub fn add(&mut self, other: &Self) {
+        self.nan += other.nan;
+        self.infinite += other.infinite;
+        self.negative += other.negative;
+        self.clipped += other.clipped;
+    }
+}
+
 /// Decodes the bytes of a PNG, JPEG or EXR, told apart by their first bytes.
 ///
 /// PNG of 8 and 16 bits, grey, palette and with alpha, JPEG in grey, YCbCr, RGB, CMYK and YCCK,
@@ -54,24 +78,48 @@ pub struct Decoded {
 /// Where the bytes are no whole image of these formats, ask for more than the limits allow, or,
 /// for an EXR, lack a channel.
 pub fn decode_image(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, FrameErrorKind> {
-    decode(bytes, settings, |stored| Ok(stored.shown(settings)))
+    decode_image_resized(bytes, settings, None)
 }
 
 /// Decodes an image as [`decode_image`] does and brings its shorter side, once it stands upright, to
-/// so many pixels as [`Frame::resized`] does, with the same values. The photograph as a frame, 12
-/// bytes a pixel, is then never there, but for EXR. [`Decoded::light`] counts samples of the
-/// photograph.
+/// so many pixels, if to any, as [`Frame::resized`] does, with the same values. The photograph as a
+/// frame, 12 bytes a pixel, is then never there, but for EXR. [`Decoded::light`] counts samples of
+/// the photograph.
 ///
 /// # Errors
 /// As [`decode_image`], and where the result would be as large as [`Frame::resized`] refuses.
 pub fn decode_image_resized(
     bytes: &[u8],
     settings: &DecodeSettings,
-    shorter_side: usize,
+    shorter_side: Option<usize>,
 ) -> Result<Decoded, FrameErrorKind> {
-    decode(bytes, settings, |stored| {
-        stored.resized(settings, shorter_side)
-    })
+    let format = format_of(bytes)?;
+    let of_samples = |samples: Samples| {
+        Ok(Decoded {
+            frame: samples.to_frame(shorter_side, settings.background)?,
+            light: LightCounts::default(),
+        })
+    };
+    let decode = || match format {
+        ImageFormat::Png => of_samples(png::decode(bytes, &settings.limits)?),
+        ImageFormat::Jpeg => of_samples(jpeg::decode(bytes, &settings.limits)?),
+        #[cfg(feature = "exr")]
+        ImageFormat::Exr => {
+            let mut decoded = exr::decode(bytes, settings)?;
+            if let Some(pixels) = shorter_side {
+                decoded.frame = decoded.frame.resized(pixels)?.into_owned();
+            }
+            Ok(decoded)
+        }
+        #[cfg(not(feature = "exr"))]
+        ImageFormat::Exr => {
+            let reason = "built without the feature `exr`";
+            Err(FrameErrorKind::unsupported(format, reason))
+        }
+    };
+    // The decoders are others' code and have asserts; a damaged file must not end the program.
+    catch_unwind(AssertUnwindSafe(decode))
+        .unwrap_or_else(|_| Err(FrameErrorKind::damaged(format, "its decoder gave up on it")))
 }
 
 /// Reads and decodes one image file; see [`decode_image`].
@@ -79,12 +127,10 @@ pub fn decode_image_resized(
 /// # Errors
 /// As [`decode_image`], and where the file cannot be read.
 pub fn read_image(path: &Path, settings: &DecodeSettings) -> Result<Decoded, FrameError> {
-    read_frame_file(path, settings)
-        .and_then(|bytes| decode_image(&bytes, settings))
-        .map_err(|kind| FrameError::new(path, kind))
+    read_image_resized(path, settings, None)
 }
 
-/// Reads and decodes one image file and brings its shorter side to so many pixels; see
+/// Reads and decodes one image file and brings its shorter side to so many pixels, if to any; see
 /// [`decode_image_resized`].
 ///
 /// # Errors
@@ -92,72 +138,11 @@ pub fn read_image(path: &Path, settings: &DecodeSettings) -> Result<Decoded, Fra
 pub fn read_image_resized(
     path: &Path,
     settings: &DecodeSettings,
-    shorter_side: usize,
+    shorter_side: Option<usize>,
 ) -> Result<Decoded, FrameError> {
     read_frame_file(path, settings)
         .and_then(|bytes| decode_image_resized(&bytes, settings, shorter_side))
         .map_err(|kind| FrameError::new(path, kind))
-}
-
-/// An upright image as its file gives it.
-enum Stored {
-    Samples(Samples),
-    #[cfg(feature = "exr")]
-    Light(Decoded),
-}
-
-impl Stored {
-    fn shown(self, settings: &DecodeSettings) -> Decoded {
-        match self {
-            Self::Samples(samples) => Decoded {
-                frame: samples.to_frame(settings.background),
-                light: LightCounts::default(),
-            },
-            #[cfg(feature = "exr")]
-            Self::Light(decoded) => decoded,
-        }
-    }
-
-    fn resized(
-        self,
-        settings: &DecodeSettings,
-        shorter_side: usize,
-    ) -> Result<Decoded, FrameErrorKind> {
-        match self {
-            Self::Samples(samples) => Ok(Decoded {
-                frame: samples.to_resized_frame(shorter_side, settings.background)?,
-                light: LightCounts::default(),
-            }),
-            #[cfg(feature = "exr")]
-            Self::Light(Decoded { frame, light }) => Ok(Decoded {
-                frame: frame.resized(shorter_side)?.into_owned(),
-                light,
-            }),
-        }
-    }
-}
-
-/// What `make` makes of an image.
-fn decode(
-    bytes: &[u8],
-    settings: &DecodeSettings,
-    make: impl FnOnce(Stored) -> Result<Decoded, FrameErrorKind>,
-) -> Result<Decoded, FrameErrorKind> {
-    let format = format_of(bytes)?;
-    let decode = || match format {
-        ImageFormat::Png => png::decode(bytes, &settings.limits).map(Stored::Samples),
-        ImageFormat::Jpeg => jpeg::decode(bytes, &settings.limits).map(Stored::Samples),
-        #[cfg(feature = "exr")]
-        ImageFormat::Exr => exr::decode(bytes, settings).map(Stored::Light),
-        #[cfg(not(feature = "exr"))]
-        ImageFormat::Exr => Err(FrameErrorKind::unsupported(
-            format,
-            "built without the feature `exr`",
-        )),
-    };
-    // The decoders are others' code and have asserts; a damaged file must not end the program.
-    catch_unwind(AssertUnwindSafe(|| make(decode()?)))
-        .unwrap_or_else(|_| Err(FrameErrorKind::damaged(format, "its decoder gave up on it")))
 }
 
 /// The bytes of an image file within the limits.
@@ -165,31 +150,26 @@ pub(crate) fn read_frame_file(
     path: &Path,
     settings: &DecodeSettings,
 ) -> Result<Vec<u8>, FrameErrorKind> {
-    read_bytes(path, settings.limits.file_bytes).map_err(|error| match error {
-        ReadError::Io(error) => FrameErrorKind::Io(error),
-        ReadError::TooLarge { bytes, limit } => FrameErrorKind::FileTooLarge { bytes, limit },
+    let limit = settings.limits.file_bytes;
+    read_bytes(path, limit, |bytes| FrameErrorKind::FileTooLarge {
+        bytes,
+        limit,
     })
 }
 
 fn format_of(bytes: &[u8]) -> Result<ImageFormat, FrameErrorKind> {
-    match bytes {
-        [0x89, b'P', b'N', b'G', ..] => Ok(ImageFormat::Png),
-        [0xff, 0xd8, 0xff, ..] => Ok(ImageFormat::Jpeg),
-        [0x76, 0x2f, 0x31, 0x01, ..] => Ok(ImageFormat::Exr),
-        [] => Err(FrameErrorKind::UnknownFormat {
-            found: "nothing".to_owned(),
-        }),
+    let found = match bytes {
+        [0x89, b'P', b'N', b'G', ..] => return Ok(ImageFormat::Png),
+        [0xff, 0xd8, 0xff, ..] => return Ok(ImageFormat::Jpeg),
+        [0x76, 0x2f, 0x31, 0x01, ..] => return Ok(ImageFormat::Exr),
+        [] => "nothing".to_owned(),
         _ => {
-            let first: Vec<_> = bytes
-                .iter()
-                .take(4)
-                .map(|byte| format!("{byte:02x}"))
-                .collect();
-            Err(FrameErrorKind::UnknownFormat {
-                found: format!("the bytes {}", first.join(" ")),
-            })
+            let first = bytes.iter().take(4).map(|byte| format!(" {byte:02x}"));
+            format!("the bytes{}", first.collect::<String>())
         }
-    }
+    };
+    let text = format!("begins with {found}, which is no PNG, JPEG or EXR");
+    Err(FrameErrorKind::Invalid(text))
 }
 
 /// Refuses dimensions that are zero or beyond the limit.

@@ -10,30 +10,19 @@ use crate::Extent;
 /// The samples of the upright image.
 pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameErrorKind> {
     // Four channels of 16 bits.
-    let buffer_limit = usize::try_from(limits.pixels.saturating_mul(8)).unwrap_or(usize::MAX);
-    let mut decoder = Decoder::new_with_limits(
-        Cursor::new(file),
-        png::Limits {
-            bytes: buffer_limit,
-        },
-    );
+    let most = usize::try_from(limits.pixels.saturating_mul(8)).unwrap_or(usize::MAX);
+    let mut decoder = Decoder::new_with_limits(Cursor::new(file), png::Limits { bytes: most });
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     decoder.ignore_checksums(false);
     decoder.set_transformations(Transformations::EXPAND);
     let header = decoder.read_header_info().map_err(refused)?;
-    check_size(
-        ImageFormat::Png,
-        header.width.into(),
-        header.height.into(),
-        limits,
-    )?;
+    let (width, height) = (header.width.into(), header.height.into());
+    check_size(ImageFormat::Png, width, height, limits)?;
 
     let mut reader = decoder.read_info().map_err(refused)?;
     check_palette(reader.info().palette.as_deref().unwrap_or_default())?;
-    let size = reader
-        .output_buffer_size()
-        .filter(|&size| size <= buffer_limit);
+    let size = reader.output_buffer_size().filter(|&size| size <= most);
     let size = size.ok_or_else(|| refused(DecodingError::LimitsExceeded))?;
     let mut bytes = vec![0; size];
     let output = reader.next_frame(&mut bytes).map_err(refused)?;

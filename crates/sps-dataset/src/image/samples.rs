@@ -40,36 +40,30 @@ impl Samples {
     }
 
     /// The frame: the largest sample becomes 1, grey fills all three channels, and transparent
-    /// pixels show `background`, mixed in the display-referred values as browsers do.
-    pub(super) fn to_frame(&self, background: [f32; 3]) -> Frame {
-        let Extent { width, height } = self.extent;
-        let mut data = Vec::with_capacity(3 * width * height);
-        let mut row = vec![0.0; 3 * width];
-        for y in 0..height {
-            self.read_row(y, background, &mut row);
-            data.extend_from_slice(&row);
+    /// pixels show `background`, mixed in the display-referred values as browsers do. Its shorter
+    /// side is brought to so many pixels, if to any, as [`Frame::resized`] does, without the whole of
+    /// it ever being there.
+    pub(super) fn to_frame(
+        &self,
+        shorter_side: Option<usize>,
+        background: [f32; 3],
+    ) -> Result<Frame, FrameErrorKind> {
+        let from = self.extent;
+        let to = shorter_side.map_or(Ok(from), |pixels| from.resized(pixels))?;
+        let read = |y: usize, row: &mut [f32]| self.read_row(y, background, row);
+        if to != from {
+            return Ok(resample(from, to, read));
         }
-        Frame {
+        let Extent { width, height } = from;
+        let mut data = vec![0.0; 3 * width * height];
+        for (y, row) in data.chunks_exact_mut(3 * width).enumerate() {
+            read(y, row);
+        }
+        Ok(Frame {
             width,
             height,
             data,
-        }
-    }
-
-    /// That frame with its shorter side brought to so many pixels as [`Frame::resized`] does, without
-    /// the whole of it ever being there.
-    pub(super) fn to_resized_frame(
-        &self,
-        shorter_side: usize,
-        background: [f32; 3],
-    ) -> Result<Frame, FrameErrorKind> {
-        let extent = self.extent.resized(shorter_side)?;
-        if extent == self.extent {
-            return Ok(self.to_frame(background));
-        }
-        Ok(resample(self.extent, extent, |y, row| {
-            self.read_row(y, background, row);
-        }))
+        })
     }
 
     /// Bytes of a pixel.

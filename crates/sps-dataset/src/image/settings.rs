@@ -1,3 +1,5 @@
+use std::fmt::Debug;
+
 use serde::{Deserialize, Deserializer, Serialize, de};
 
 /// How image files become [`Frame`](crate::Frame)s.
@@ -81,19 +83,20 @@ impl DecodeSettings {
 
 fn finite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f32, D::Error> {
     let value = f32::deserialize(deserializer)?;
-    let error = || de::Error::custom(format!("found {value}, expected a finite number"));
-    value.is_finite().then_some(value).ok_or_else(error)
+    checked(value, value.is_finite(), "a finite number")
 }
 
 fn colour<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f32; 3], D::Error> {
     let colour = <[f32; 3]>::deserialize(deserializer)?;
-    let error = || {
-        de::Error::custom(format!(
-            "found {colour:?}, expected three shares from 0 to 1"
-        ))
-    };
     let shares = colour.iter().all(|value| (0.0..=1.0).contains(value));
-    shares.then_some(colour).ok_or_else(error)
+    checked(colour, shares, "three shares from 0 to 1")
+}
+
+fn checked<T: Debug, E: de::Error>(value: T, holds: bool, expected: &str) -> Result<T, E> {
+    if holds {
+        return Ok(value);
+    }
+    Err(E::custom(format!("found {value:?}, expected {expected}")))
 }
 
 #[cfg(test)]
@@ -103,37 +106,27 @@ mod tests {
 
     #[test]
     fn settings_are_checked_where_they_are_read() {
-        let refusal = |text: &str| {
+        let read = |text: &str| {
             let settings = parse_toml::<DecodeSettings>("run.toml".as_ref(), text);
             settings.map(drop).map_err(|error| error.to_string())
         };
-        assert_eq!(
-            refusal("exposure-stops = -2\nbackground = [0, 0.5, 1]"),
-            Ok(())
-        );
-        let toml = |line: u32, reason: &str| {
-            Err(format!(
-                "run.toml, line {line}: is not valid TOML: {reason}"
-            ))
-        };
-        assert_eq!(
-            refusal("exposure-stops = inf"),
-            toml(1, "found inf, expected a finite number")
-        );
-        assert_eq!(
-            refusal("\nbackground = [0, 255, 0]"),
-            toml(
-                2,
-                "found [0.0, 255.0, 0.0], expected three shares from 0 to 1"
-            )
-        );
-        assert_eq!(
-            refusal("[limits]\npixel = 3"),
-            Err(
-                "run.toml, line 2: unknown key `pixel`, did you mean `pixels`? Expected one of \
-                 `file-bytes`, `pixels`"
-                    .to_owned()
-            )
-        );
+        let sound = "exposure-stops = -2\nbackground = [0, 0.5, 1]";
+        assert_eq!(read(sound), Ok(()));
+        for (text, refusal) in [
+            (
+                "exposure-stops = inf",
+                "1: is not valid TOML: found inf, expected a finite number",
+            ),
+            (
+                "\nbackground = [0, 255, 0]",
+                "2: is not valid TOML: found [0.0, 255.0, 0.0], expected three shares from 0 to 1",
+            ),
+            (
+                "[limits]\npixel = 3",
+                "2: unknown key `pixel`, did you mean `pixels`? Expected one of `file-bytes`, `pixels`",
+            ),
+        ] {
+            assert_eq!(read(text), Err(format!("run.toml, line {refusal}")));
+        }
     }
 }

@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 #[cfg(feature = "exr")]
 use super::srgb::srgb_decode;
 use super::srgb::srgb_encode;
-use crate::{Frame, LinearFrame};
+use crate::frame::check_values;
+use crate::{Extent, Frame, LinearFrame};
 
 /// What a written frame's file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,15 +32,6 @@ impl FrameFormat {
         }
     }
 
-    /// Whether the file holds linear light, and with it more than a display shows.
-    pub const fn is_linear(self) -> bool {
-        match self {
-            Self::Png => false,
-            #[cfg(feature = "exr")]
-            Self::Exr => true,
-        }
-    }
-
     /// The bytes of an image file of a display-referred frame.
     ///
     /// PNG rounds each value to the nearest of 256 levels, so it reads back within 1/510; EXR
@@ -50,7 +42,7 @@ impl FrameFormat {
     pub fn encode(self, frame: &Frame) -> Result<Vec<u8>, EncodeError> {
         match self {
             Self::Png => {
-                check_size((frame.width, frame.height), &frame.data)?;
+                check(frame.extent(), &frame.data)?;
                 encode_png(frame).map_err(|error| EncodeError(error.to_string()))
             }
             #[cfg(feature = "exr")]
@@ -71,34 +63,26 @@ impl FrameFormat {
     /// As [`FrameFormat::encode`].
     pub fn encode_linear(self, light: &LinearFrame) -> Result<Vec<u8>, EncodeError> {
         match self {
-            Self::Png => self.encode(&Frame {
-                width: light.width,
-                height: light.height,
-                data: light
-                    .data
-                    .iter()
-                    .map(|value| srgb_encode(value.clamp(0.0, 1.0)))
-                    .collect(),
-            }),
+            Self::Png => {
+                let values = light.data.iter().map(|value| value.clamp(0.0, 1.0));
+                self.encode(&Frame {
+                    width: light.width,
+                    height: light.height,
+                    data: values.map(srgb_encode).collect(),
+                })
+            }
             #[cfg(feature = "exr")]
             Self::Exr => {
-                check_size((light.width, light.height), &light.data)?;
+                let (width, height) = (light.width, light.height);
+                check(Extent { width, height }, &light.data)?;
                 super::exr::encode_half(light).map_err(|error| EncodeError(error.to_string()))
             }
         }
     }
 }
 
-fn check_size((width, height): (usize, usize), data: &[f32]) -> Result<(), EncodeError> {
-    let values = width
-        .checked_mul(height)
-        .and_then(|pixels| pixels.checked_mul(3));
-    if data.is_empty() || values != Some(data.len()) {
-        let values = data.len();
-        let reason = format!("it has {values} values for {width} x {height} pixels");
-        return Err(EncodeError(reason));
-    }
-    Ok(())
+fn check(extent: Extent, data: &[f32]) -> Result<(), EncodeError> {
+    check_values(extent, data).map_err(|text| EncodeError(format!("it {text}")))
 }
 
 fn encode_png(frame: &Frame) -> Result<Vec<u8>, png::EncodingError> {
@@ -110,13 +94,9 @@ fn encode_png(frame: &Frame) -> Result<Vec<u8>, png::EncodingError> {
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    let levels: Vec<u8> = frame
-        .data
-        .iter()
-        .map(|value| (value * 255.0).round() as u8)
-        .collect();
+    let levels = frame.data.iter().map(|value| (value * 255.0).round() as u8);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&levels)?;
+    writer.write_image_data(&levels.collect::<Vec<_>>())?;
     writer.finish()?;
     Ok(bytes)
 }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Property, toccare};
+use crate::InvalidValue;
 
 /// What is known of a property beside its code. All of it may be missing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,8 +25,9 @@ pub struct Description {
 impl Description {
     /// What the project knows of the property by itself.
     pub fn known(property: &Property) -> Self {
+        let known = toccare::find(property);
         Self {
-            name: toccare::find(property).map_or_else(String::new, |known| known.name.to_owned()),
+            name: known.map_or("", |known| known.name).to_owned(),
             ..Self::default()
         }
     }
@@ -48,16 +50,6 @@ pub struct PropertyRange {
     high: f64,
 }
 
-/// A range that holds no two values.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("found a range of {low} to {high}, expected a lower end below the upper")]
-pub struct InvalidRange {
-    /// Its lower end.
-    pub low: f64,
-    /// Its upper end.
-    pub high: f64,
-}
-
 impl PropertyRange {
     /// The ends, lower first.
     pub const fn ends(self) -> [f64; 2] {
@@ -71,15 +63,17 @@ impl PropertyRange {
 }
 
 impl TryFrom<[f64; 2]> for PropertyRange {
-    type Error = InvalidRange;
+    type Error = InvalidValue;
 
-    fn try_from([low, high]: [f64; 2]) -> Result<Self, InvalidRange> {
+    fn try_from([low, high]: [f64; 2]) -> Result<Self, InvalidValue> {
         // Neither is NaN.
         if low < high {
-            Ok(Self { low, high })
-        } else {
-            Err(InvalidRange { low, high })
+            return Ok(Self { low, high });
         }
+        let found = format!("found a range of {low} to {high}");
+        Err(InvalidValue(format!(
+            "{found}, expected a lower end below the upper"
+        )))
     }
 }
 

@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-pub use description::{Description, InvalidRange, PropertyRange};
-pub use order::{InvalidOrder, PropertyOrder};
+pub use description::{Description, PropertyRange};
+pub use order::PropertyOrder;
 
 /// Columns of a tactile table that are no property.
 const RESERVED: [&str; 3] = ["surface", "location", "repeat"];
@@ -128,17 +128,14 @@ impl InvalidCode {
 
 impl fmt::Display for InvalidCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let found = self.0.escape_debug();
+        write!(f, "`{}` cannot be ", self.0.escape_debug())?;
         if RESERVED.contains(&self.0.as_str()) {
-            return write!(
-                f,
-                "`{found}` cannot be a property: a tactile table has a column of that name"
-            );
+            return f.write_str("a property: a tactile table has a column of that name");
         }
+        let letters = "a to z, A to Z, 0 to 9, `-` and `_`";
         write!(
             f,
-            "`{found}` cannot be the code of a property, expected 1 to {LONGEST} of a to z, A to Z, 0 to \
-             9, `-` and `_`"
+            "the code of a property, expected 1 to {LONGEST} of {letters}"
         )?;
         match self.suggestion() {
             Some(code) => write!(f, ", for example `{code}`"),
@@ -155,16 +152,7 @@ mod tests {
 
     #[test]
     fn a_code_is_a_short_plain_name() {
-        for code in [
-            "fRS",
-            "friction",
-            "surface-roughness",
-            "a_1",
-            "7",
-            "-",
-            "true",
-            "mean",
-        ] {
+        for code in "fRS friction surface-roughness a_1 7 - true mean".split(' ') {
             assert_eq!(code.parse::<Property>().unwrap(), code);
         }
         let longest = "x".repeat(64);
@@ -193,11 +181,8 @@ mod tests {
             assert_eq!(refused.0, text);
             let suggested = refused.suggestion();
             assert_eq!(suggested.as_deref(), near, "{text:?}");
-            let message = refused.to_string();
-            assert!(
-                message.contains(&*text.escape_debug().to_string()),
-                "{message}"
-            );
+            let (message, shown) = (refused.to_string(), text.escape_debug().to_string());
+            assert!(message.contains(&shown), "{message}");
             assert!(message.contains("property"), "{message}");
         }
     }

@@ -4,22 +4,12 @@ use std::ops::Deref;
 use serde::{Deserialize, Serialize};
 
 use super::{Property, toccare};
+use crate::InvalidValue;
 
 /// Properties in an explicit order: at least one, none twice.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Property>", into = "Vec<Property>")]
 pub struct PropertyOrder(Vec<Property>);
-
-/// A list of properties that is no order.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum InvalidOrder {
-    /// It is empty.
-    #[error("the list of properties is empty, expected at least one")]
-    Empty,
-    /// It has a property twice.
-    #[error("property `{0}` is listed twice")]
-    Twice(Property),
-}
 
 impl PropertyOrder {
     /// The Toccare's fifteen, in the order of [`toccare::ALL`].
@@ -34,17 +24,19 @@ impl PropertyOrder {
 }
 
 impl TryFrom<Vec<Property>> for PropertyOrder {
-    type Error = InvalidOrder;
+    type Error = InvalidValue;
 
-    fn try_from(properties: Vec<Property>) -> Result<Self, InvalidOrder> {
-        if properties.is_empty() {
-            return Err(InvalidOrder::Empty);
-        }
+    fn try_from(properties: Vec<Property>) -> Result<Self, InvalidValue> {
         let mut seen = HashSet::new();
-        match properties.iter().find(|property| !seen.insert(*property)) {
-            Some(twice) => Err(InvalidOrder::Twice(twice.clone())),
-            None => Ok(Self(properties)),
-        }
+        let twice = properties.iter().find(|property| !seen.insert(*property));
+        let wrong = match twice {
+            Some(twice) => format!("property `{twice}` is listed twice"),
+            None if properties.is_empty() => {
+                "the list of properties is empty, expected at least one".to_owned()
+            }
+            None => return Ok(Self(properties)),
+        };
+        Err(InvalidValue(wrong))
     }
 }
 

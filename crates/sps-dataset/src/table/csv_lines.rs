@@ -1,20 +1,23 @@
-use std::path::Path;
-
 use csv::{ReaderBuilder, StringRecord, Trim};
 
+use super::property_of_column;
+use crate::error::{Fault, Place};
 use crate::files::text;
 use crate::tactile::is_plausible;
-use crate::{DatasetError, DatasetErrorKind, Property};
+use crate::{DatasetErrorKind, Property};
 
 /// One line of a CSV file, its cells trimmed.
 pub(crate) struct Line {
-    pub(crate) number: u64,
+    number: u64,
     pub(crate) cells: StringRecord,
 }
 
-/// Every line that is not blank.
-pub(crate) fn csv_lines(path: &Path, bytes: &[u8]) -> Result<Vec<Line>, DatasetError> {
-    let text = text(path, "CSV", bytes)?;
+/// Which columns of a table are properties.
+pub(super) type Columns = Vec<(usize, Property)>;
+
+/// Every line that is not blank: the first, without cells where there is none, and those below it.
+pub(crate) fn csv_lines(bytes: &[u8]) -> Result<(Line, Vec<Line>), Fault> {
+    let text = text("CSV", bytes)?;
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -22,22 +25,19 @@ pub(crate) fn csv_lines(path: &Path, bytes: &[u8]) -> Result<Vec<Line>, DatasetE
         .from_reader(text.as_bytes());
     let mut lines = Vec::new();
     for record in reader.records() {
-        let cells = record.map_err(|error| {
-            let line = error.position().map_or(1, csv::Position::line);
-            let kind = DatasetErrorKind::Malformed {
-                format: "CSV",
-                reason: error.to_string(),
-            };
-            DatasetError::line(path, line, kind)
-        })?;
-        let number = cells
-            .position()
-            .map_or(1, |position| line_number(text, position));
+        let cells = record.map_err(|error| DatasetErrorKind::malformed("CSV", error))?;
+        let position = cells.position();
+        let number = position.map_or(1, |position| line_number(text, position));
         if cells.iter().any(|cell| !cell.is_empty()) {
             lines.push(Line { number, cells });
         }
     }
-    Ok(lines)
+    let below = lines.split_off(lines.len().min(1));
+    let nothing = Line {
+        number: 1,
+        cells: StringRecord::new(),
+    };
+    Ok((lines.pop().unwrap_or(nothing), below))
 }
 
 /// The line of a record; its own position is where the blank lines before it begin.
@@ -47,50 +47,89 @@ fn line_number(text: &str, position: &csv::Position) -> u64 {
     position.line() + blank.filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// Refuses a line that has more or fewer cells than the first one.
-pub(crate) fn check_cells(path: &Path, line: &Line, expected: usize) -> Result<(), DatasetError> {
-    if line.cells.len() == expected {
-        return Ok(());
-    }
-    let found = line.cells.len().to_string();
-    let kind = DatasetErrorKind::unexpected("the cells of the line", found, expected.to_string());
-    Err(DatasetError::line(path, line.number, kind))
-}
-
 impl Line {
+    pub(crate) fn place(&self) -> Place {
+        Place::Line(self.number)
+    }
+
     pub(crate) fn cell(&self, column: usize) -> &str {
         self.cells.get(column).unwrap_or_default()
     }
 
-    /// A cell with a measured value, or empty or NaN where nothing was measured.
-    pub(crate) fn measured(
-        &self,
-        path: &Path,
-        column: usize,
-        property: &Property,
-    ) -> Result<Option<f64>, DatasetError> {
-        let cell = self.cell(column);
-        if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
-            return Ok(None);
-        }
-        let value = cell
-            .parse::<f64>()
-            .ok()
-            .filter(|&value| is_plausible(value));
-        let expected = "a number within 1e9 of 0, or nothing";
-        value
-            .map(Some)
-            .ok_or_else(|| self.not_a_number(path, column, property.code(), expected))
+    /// Its cells, for messages.
+    pub(crate) fn shown(&self) -> String {
+        self.cells.iter().collect::<Vec<_>>().join(",")
     }
 
-    pub(crate) fn not_a_number(
+    /// What was expected of this header.
+    pub(crate) fn unexpected_header(&self, found: &str, expected: &str) -> Fault {
+        let found = if found.is_empty() { "nothing" } else { found };
+        DatasetErrorKind::unexpected("the header", found, expected).at(self.place())
+    }
+
+    /// The column of that name in this header.
+    pub(super) fn column(&self, name: &str) -> Result<usize, Fault> {
+        let column = self.cells.iter().position(|cell| cell == name);
+        column.ok_or_else(|| self.no_column(name))
+    }
+
+    pub(super) fn no_column(&self, name: &str) -> Fault {
+        let shown = self.shown();
+        let found = if shown.is_empty() {
+            shown
+        } else {
+            format!("`{shown}`")
+        };
+        self.unexpected_header(&found, &format!("a column `{name}`"))
+    }
+
+    /// The properties that this header names, but for some columns and for names to be ignored.
+    pub(super) fn properties(
         &self,
-        path: &Path,
-        column: usize,
-        name: &str,
-        expected: &'static str,
-    ) -> DatasetError {
-        let kind = DatasetErrorKind::not_a_number(name, self.cell(column), expected);
-        DatasetError::line(path, self.number, kind)
+        others: &[usize],
+        ignored: &[String],
+    ) -> Result<Columns, Fault> {
+        let mut columns = Columns::new();
+        for (column, name) in self.cells.iter().enumerate() {
+            if others.contains(&column) || ignored.iter().any(|ignored| ignored == name) {
+                continue;
+            }
+            let property = property_of_column(name).map_err(|kind| kind.at(self.place()))?;
+            if columns.iter().any(|(_, listed)| *listed == property) {
+                return Err(self.unexpected_header(&format!("`{name}` twice"), "it once"));
+            }
+            columns.push((column, property));
+        }
+        Ok(columns)
+    }
+
+    /// Refuses a line that has more or fewer cells than the first one.
+    pub(crate) fn check_cells(&self, expected: usize) -> Result<(), Fault> {
+        let found = self.cells.len();
+        if found == expected {
+            return Ok(());
+        }
+        let kind = DatasetErrorKind::unexpected("the cells of the line", found, expected);
+        Err(kind.at(self.place()))
+    }
+
+    /// What was measured of each property: no value where a cell is empty or NaN.
+    pub(super) fn measured(&self, columns: &Columns) -> Result<Vec<Option<f64>>, Fault> {
+        let value = |(column, property): &(usize, Property)| {
+            let cell = self.cell(*column);
+            if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
+                return Ok(None);
+            }
+            let value = cell.parse().ok().filter(|&value| is_plausible(value));
+            let expected = "a number within 1e9 of 0, or nothing";
+            value
+                .map(Some)
+                .ok_or_else(|| self.not_a_number(*column, property, expected))
+        };
+        columns.iter().map(value).collect()
+    }
+
+    pub(super) fn not_a_number(&self, column: usize, name: &str, expected: &str) -> Fault {
+        DatasetErrorKind::not_a_number(name, self.cell(column), expected).at(self.place())
     }
 }

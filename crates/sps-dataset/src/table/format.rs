@@ -5,24 +5,6 @@ use crate::PropertyOrder;
 /// How a tactile table is laid out, as `[tactile]` of a `dataset.toml` or of a config says it.
 ///
 /// `docs/dataset-format.md` has an example of each kind.
-///
-/// ```
-/// use sps_dataset::{TableFormat, parse_toml};
-///
-/// #[derive(serde::Deserialize)]
-/// struct Config {
-///     tactile: TableFormat,
-/// }
-/// let text = r#"
-///     [tactile.wide-csv]
-///     file = "toccare.csv"
-///     header = "ignored"
-///     property-order = ["fRS", "cDF"]
-/// "#;
-/// let config: Config = parse_toml("run.toml".as_ref(), text)?;
-/// assert_eq!(config.tactile.file(), "toccare.csv");
-/// # Ok::<(), sps_dataset::DatasetError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableFormat {
@@ -37,21 +19,21 @@ pub enum TableFormat {
 }
 
 /// `surface,location,repeat,fRS,...`: one row per touch, columns in any order.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub struct LongCsv {
     /// The file, relative to the dataset's folder. Default `tactile.csv`.
-    pub file: String,
+    pub file: Option<String>,
     /// Columns to leave out, by name.
     pub ignore_columns: Vec<String>,
 }
 
 /// One row per surface: its id, then one value per column.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub struct WideCsv {
     /// The file, relative to the dataset's folder. Default `tactile.csv`.
-    pub file: String,
+    pub file: Option<String>,
     /// What the first line is. Default: the names of the columns.
     pub header: Header,
     /// The property of each column after the first; required unless the header names them.
@@ -76,11 +58,11 @@ pub enum Header {
 }
 
 /// Arrays of any real dtype, in C or Fortran order; NaN was not measured.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Npz {
     /// The file, relative to the dataset's folder. Default `tactile.npz`.
-    pub file: String,
+    pub file: Option<String>,
     /// What the arrays are. Default: one per surface.
     pub layout: NpzLayout,
     /// The property of each entry of the last axis; required.
@@ -113,11 +95,11 @@ pub struct Stacked {
 }
 
 /// One JSON document; `null` was not measured.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Json {
     /// The file, relative to the dataset's folder. Default `tactile.json`.
-    pub file: String,
+    pub file: Option<String>,
     /// What the document is. Default: an object with a key per surface.
     pub layout: JsonLayout,
     /// The property of each entry of the innermost lists; required where there are lists.
@@ -157,12 +139,13 @@ pub struct Statistics {
 impl TableFormat {
     /// The file, relative to the dataset's folder.
     pub fn file(&self) -> &str {
-        match self {
-            Self::LongCsv(table) => &table.file,
-            Self::WideCsv(table) => &table.file,
-            Self::Npz(table) => &table.file,
-            Self::Json(table) => &table.file,
-        }
+        let (file, usual) = match self {
+            Self::LongCsv(table) => (&table.file, "tactile.csv"),
+            Self::WideCsv(table) => (&table.file, "tactile.csv"),
+            Self::Npz(table) => (&table.file, "tactile.npz"),
+            Self::Json(table) => (&table.file, "tactile.json"),
+        };
+        file.as_deref().unwrap_or(usual)
     }
 
     pub(crate) fn is_default(&self) -> bool {
@@ -176,54 +159,11 @@ impl Default for TableFormat {
     }
 }
 
-impl Default for LongCsv {
-    fn default() -> Self {
-        Self {
-            file: "tactile.csv".to_owned(),
-            ignore_columns: Vec::new(),
-        }
-    }
-}
-
-impl Default for WideCsv {
-    fn default() -> Self {
-        Self {
-            file: "tactile.csv".to_owned(),
-            header: Header::default(),
-            property_order: None,
-            ignore_columns: Vec::new(),
-            statistics: Statistics::default(),
-        }
-    }
-}
-
-impl Default for Npz {
-    fn default() -> Self {
-        Self {
-            file: "tactile.npz".to_owned(),
-            layout: NpzLayout::default(),
-            property_order: None,
-            statistics: Statistics::default(),
-        }
-    }
-}
-
 impl Default for Stacked {
     fn default() -> Self {
         Self {
             values: "values".to_owned(),
             surfaces: None,
-        }
-    }
-}
-
-impl Default for Json {
-    fn default() -> Self {
-        Self {
-            file: "tactile.json".to_owned(),
-            layout: JsonLayout::default(),
-            property_order: None,
-            statistics: Statistics::default(),
         }
     }
 }

@@ -1,8 +1,8 @@
-use super::json_node::Node;
+use super::json_node::{Entries, Node};
 use super::keyed::{Touch, Values};
-use crate::PropertyOrder;
+use super::property_of_column;
 use crate::tactile::is_plausible;
-use crate::{DatasetErrorKind, Property};
+use crate::{DatasetErrorKind, Property, PropertyOrder};
 
 /// What the values of a row are: the order that was given, or else the properties that the
 /// objects of the document name.
@@ -25,7 +25,7 @@ impl<'a> Columns<'a> {
         names: impl IntoIterator<Item = &'b str>,
     ) -> Result<(), DatasetErrorKind> {
         for name in names {
-            let property = name.parse().map_err(DatasetErrorKind::InvalidCode)?;
+            let property = property_of_column(name)?;
             match self.order {
                 Some(order) if order.position(&property).is_none() => {
                     let expected = "only properties of `property-order`";
@@ -44,36 +44,28 @@ impl<'a> Columns<'a> {
     }
 
     /// The values of an object; a property that it does not have was not measured.
-    pub(super) fn of_object<'b>(
-        &self,
-        entries: impl IntoIterator<Item = (&'b str, &'b Node)>,
-    ) -> Result<Values, DatasetErrorKind> {
-        let mut values: Vec<Option<&Node>> = vec![None; self.properties().len()];
-        for (name, node) in entries {
-            let column = self
-                .properties()
+    pub(super) fn of_object(&self, entries: &Entries) -> Result<Values, DatasetErrorKind> {
+        let value = |property: &Property| {
+            let mut named = entries
                 .iter()
-                .position(|property| property.code() == name);
-            let value = column.and_then(|column| values.get_mut(column));
-            if value.is_some_and(|value| value.replace(node).is_some()) {
-                let found = format!("`{name}` twice");
-                return Err(DatasetErrorKind::unexpected("its keys", found, "it once"));
+                .filter(|(name, _)| property == &name.as_str());
+            match (named.next(), named.next()) {
+                (Some((_, node)), None) => measured(property, node),
+                (None, _) => Ok(None),
+                (Some((name, _)), Some(_)) => {
+                    let found = format!("`{name}` twice");
+                    Err(DatasetErrorKind::unexpected("its keys", found, "it once"))
+                }
             }
-        }
-        let named = self.properties().iter().zip(values);
-        named
-            .map(|(property, node)| node.map_or(Ok(None), |node| measured(property, node)))
-            .collect()
+        };
+        self.properties().iter().map(value).collect()
     }
 
     /// The touches of one entry: an object or a list of values is one, a list of those the repeats
     /// at one location, and a list of such lists the locations.
     pub(super) fn touches(&self, node: &Node) -> Result<Vec<Touch>, DatasetErrorKind> {
         match node {
-            Node::Object(entries) => {
-                let entries = entries.iter().map(|(name, node)| (name.as_str(), node));
-                Ok(vec![(0, 0, self.of_object(entries)?)])
-            }
+            Node::Object(entries) => Ok(vec![(0, 0, self.of_object(entries)?)]),
             Node::List(list) => match depth(list) {
                 1 => Ok(vec![(0, 0, self.of_list(list)?)]),
                 2 => self.repeats(0, list),
@@ -83,11 +75,10 @@ impl<'a> Columns<'a> {
                     Ok(touches.collect::<Result<Vec<_>, _>>()?.concat())
                 }
             },
-            other => Err(DatasetErrorKind::unexpected(
-                "an entry",
-                other.describe(),
-                "an object or a list of values, of repeats or of locations",
-            )),
+            other => {
+                let expected = "an object or a list of values, of repeats or of locations";
+                Err(DatasetErrorKind::unexpected("an entry", other, expected))
+            }
         }
     }
 
@@ -101,15 +92,12 @@ impl<'a> Columns<'a> {
     fn of_list(&self, list: &[Node]) -> Result<Values, DatasetErrorKind> {
         let order = self.order.ok_or_else(DatasetErrorKind::no_property_order)?;
         if list.len() != order.len() {
-            return Err(DatasetErrorKind::unexpected(
-                "the length of a list",
-                list.len().to_string(),
-                format!("{}, one per entry of `property-order`", order.len()),
-            ));
+            let expected = format!("{}, one per entry of `property-order`", order.len());
+            let what = "the length of a list";
+            return Err(DatasetErrorKind::unexpected(what, list.len(), expected));
         }
-        order
-            .iter()
-            .zip(list)
+        let values = order.iter().zip(list);
+        values
             .map(|(property, node)| measured(property, node))
             .collect()
     }
@@ -119,10 +107,7 @@ impl Node {
     fn as_list(&self) -> Result<&[Self], DatasetErrorKind> {
         match self {
             Self::List(list) => Ok(list),
-            other => {
-                let found = other.describe();
-                Err(DatasetErrorKind::unexpected("an entry", found, "a list"))
-            }
+            other => Err(DatasetErrorKind::unexpected("an entry", other, "a list")),
         }
     }
 }
@@ -141,12 +126,7 @@ fn measured(property: &Property, node: &Node) -> Result<Option<f64>, DatasetErro
         Node::Number(value) if is_plausible(*value) => Ok(Some(*value)),
         other => {
             let expected = "a number within 1e9 of 0, or null";
-            let found = other.describe();
-            Err(DatasetErrorKind::not_a_number(
-                property.code(),
-                &found,
-                expected,
-            ))
+            Err(DatasetErrorKind::not_a_number(property, other, expected))
         }
     }
 }

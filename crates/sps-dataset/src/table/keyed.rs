@@ -1,9 +1,9 @@
 use std::collections::HashMap;
-use std::path::Path;
 
 use super::Statistics;
 use super::rows::{RawRow, RawTable};
-use crate::{DatasetError, DatasetErrorKind, Place, Property};
+use crate::error::{Fault, Place};
+use crate::{DatasetErrorKind, Property};
 
 /// The values of one touch, in the order of the table's columns.
 pub(super) type Values = Vec<Option<f64>>;
@@ -13,24 +13,19 @@ pub(super) type Touch = (u32, u32, Values);
 
 /// A table that has one entry per surface, and perhaps its own statistics among them.
 pub(super) struct KeyedTable<'a> {
-    path: &'a Path,
-    statistics: &'a Statistics,
+    names: &'a Statistics,
     first_seen: HashMap<String, Place>,
     rows: Vec<RawRow>,
-    mean: Option<(Place, Values)>,
-    std: Option<(Place, Values)>,
+    statistics: HashMap<String, (Place, Values)>,
 }
 
 impl<'a> KeyedTable<'a> {
-    pub(super) fn new(path: &'a Path, statistics: &'a Statistics) -> Self {
-        let (first_seen, rows) = (HashMap::new(), Vec::new());
+    pub(super) fn new(names: &'a Statistics) -> Self {
         Self {
-            path,
-            statistics,
-            first_seen,
-            rows,
-            mean: None,
-            std: None,
+            names,
+            first_seen: HashMap::new(),
+            rows: Vec::new(),
+            statistics: HashMap::new(),
         }
     }
 
@@ -40,23 +35,16 @@ impl<'a> KeyedTable<'a> {
         place: Place,
         name: &str,
         touches: Vec<Touch>,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), Fault> {
         if let Some(first) = self.first_seen.insert(name.to_owned(), place.clone()) {
-            let kind = DatasetErrorKind::twice(name, &first);
-            return Err(DatasetError::new(self.path, place, kind));
+            return Err(DatasetErrorKind::twice(name, &first).at(place));
         }
-        if name == self.statistics.mean || name == self.statistics.std {
+        if name == self.names.mean || name == self.names.std {
             let Ok([(_, _, values)]) = <[Touch; 1]>::try_from(touches) else {
-                let found = "several values per property";
-                let kind = DatasetErrorKind::unexpected("the file's own statistics", found, "one");
-                return Err(DatasetError::new(self.path, place, kind));
+                let kind = unexpected_statistics("several values per property", "one");
+                return Err(kind.at(place));
             };
-            let to = if name == self.statistics.mean {
-                &mut self.mean
-            } else {
-                &mut self.std
-            };
-            *to = Some((place, values));
+            self.statistics.insert(name.to_owned(), (place, values));
             return Ok(());
         }
         let row = |(location, repeat, values)| RawRow {
@@ -70,11 +58,12 @@ impl<'a> KeyedTable<'a> {
         Ok(())
     }
 
-    pub(super) fn finish(self, columns: Vec<Property>) -> Result<RawTable, DatasetError> {
-        let (path, names) = (self.path, self.statistics);
-        let restore = if names.restore {
-            let mean = complete(path, &names.mean, self.mean)?;
-            Some([mean, complete(path, &names.std, self.std)?])
+    pub(super) fn finish(self, columns: Vec<Property>) -> Result<RawTable, Fault> {
+        let restore = if self.names.restore {
+            Some([
+                self.complete(&self.names.mean)?,
+                self.complete(&self.names.std)?,
+            ])
         } else {
             None
         };
@@ -84,21 +73,18 @@ impl<'a> KeyedTable<'a> {
             restore,
         })
     }
+
+    /// Statistics that values are to be restored by must be there for every property.
+    fn complete(&self, name: &str) -> Result<Vec<f64>, Fault> {
+        let expected = "one number per property, for the values are to be restored by them";
+        let Some((place, values)) = self.statistics.get(name) else {
+            return Err(unexpected_statistics(&format!("no entry `{name}`"), expected).into());
+        };
+        let values: Option<_> = values.iter().copied().collect();
+        values.ok_or_else(|| unexpected_statistics("a missing value", expected).at(place.clone()))
+    }
 }
 
-/// Statistics that values are to be restored by must be there for every property.
-fn complete(
-    path: &Path,
-    name: &str,
-    entry: Option<(Place, Values)>,
-) -> Result<Vec<f64>, DatasetError> {
-    let expected = "one number per property, for the values are to be restored by them";
-    let unexpected = |place, found: &str| {
-        let kind = DatasetErrorKind::unexpected("the file's own statistics", found, expected);
-        DatasetError::new(path, place, kind)
-    };
-    let (place, values) =
-        entry.ok_or_else(|| unexpected(Place::File, &format!("no entry `{name}`")))?;
-    let complete: Option<Vec<f64>> = values.into_iter().collect();
-    complete.ok_or_else(|| unexpected(place, "a missing value"))
+fn unexpected_statistics(found: &str, expected: &str) -> DatasetErrorKind {
+    DatasetErrorKind::unexpected("the file's own statistics", found, expected)
 }

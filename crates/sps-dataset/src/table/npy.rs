@@ -16,16 +16,9 @@ pub(super) enum Items {
     Texts(Vec<String>),
 }
 
-struct Header {
-    descr: String,
-    fortran_order: bool,
-    shape: Vec<usize>,
-}
-
 /// The shape and the numbers, in C order, of an `.npy` file of at most `most` items.
 ///
 /// # Errors
-///
 /// What is wrong with the file: no header, fewer bytes than it says, items that are no real numbers.
 pub fn read_npy(bytes: &[u8], most: u64) -> Result<(Vec<usize>, Vec<f64>), String> {
     let Array { shape, items } = read(bytes, most)?;
@@ -39,86 +32,66 @@ pub fn read_npy(bytes: &[u8], most: u64) -> Result<(Vec<usize>, Vec<f64>), Strin
 pub(super) fn read(bytes: &[u8], most: u64) -> Result<Array, String> {
     let (header, data) = split(bytes).ok_or("it has no whole NumPy header")?;
     let header = std::str::from_utf8(header).map_err(|_| "its header is no text")?;
-    let Header {
-        descr,
-        fortran_order,
-        shape,
-    } = parse_header(header)?;
-    let item = Item::of(&descr)?;
-    let count = shape
-        .iter()
-        .try_fold(1_usize, |all, &axis| all.checked_mul(axis));
+    let (descr, fortran_order, shape) = parse_header(header)?;
+    let item = Item::of(descr)?;
+    let mut axes = shape.iter();
+    let count = axes.try_fold(1_usize, |all, &axis| all.checked_mul(axis));
     let size = count.and_then(|count| count.checked_mul(item.size()));
-    let data = size.and_then(|size| data.get(..size)).ok_or_else(|| {
-        format!(
-            "its header says shape {shape:?} of `{descr}`, but it has {} bytes",
-            data.len()
-        )
-    })?;
+    let says = format!("its header says shape {shape:?}");
+    let bytes = data.len();
+    let data = size.and_then(|size| data.get(..size));
+    let data = data.ok_or_else(|| format!("{says} of `{descr}`, but it has {bytes} bytes"))?;
     if count.is_none_or(|count| count as u64 > most) {
-        return Err(format!(
-            "its header says shape {shape:?}, more than the limit of {most} items"
-        ));
+        return Err(format!("{says}, more than the limit of {most} items"));
     }
-    let items = item.decode(data);
-    Ok(Array {
-        items: if fortran_order {
-            items.into_c_order(&shape)
-        } else {
-            items
-        },
-        shape,
-    })
+    let items = match item.decode(data) {
+        Items::Numbers(numbers) if fortran_order => Items::Numbers(c_order(&numbers, &shape)),
+        // Of texts, only those of one axis are taken.
+        items => items,
+    };
+    Ok(Array { shape, items })
 }
 
 /// The text of the header, and the bytes after it.
 fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;
-    let wide = version[0] > 1;
-    let (length, rest) = rest.split_at_checked(if wide { 4 } else { 2 })?;
-    let length = length
-        .iter()
-        .rev()
-        .fold(0, |all, &byte| all << 8 | usize::from(byte));
-    rest.split_at_checked(length)
+    let (length, rest) = rest.split_at_checked(if version[0] > 1 { 4 } else { 2 })?;
+    rest.split_at_checked(integer(length.iter().rev()) as usize)
 }
 
+/// The integer of so many bytes, the most significant first.
+fn integer<'a>(bytes: impl Iterator<Item = &'a u8>) -> u64 {
+    bytes.fold(0, |all, &byte| all << 8 | u64::from(byte))
+}
+
+/// The dtype, whether it is in Fortran order, and the shape:
 /// `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 15), }`
-fn parse_header(text: &str) -> Result<Header, String> {
+fn parse_header(text: &str) -> Result<(&str, bool, Vec<usize>), String> {
     let wrong = || format!("its header is not one of NumPy's: {}", text.trim_end());
     let after = |key: &str| {
         let (_, rest) = text.split_once(&format!("'{key}':")).ok_or_else(wrong)?;
         Ok::<&str, String>(rest.trim_start())
     };
-    let descr = after("descr")?;
-    let descr = descr
-        .strip_prefix('\'')
-        .and_then(|rest| rest.split_once('\''));
-    let Some((descr, _)) = descr else {
-        return Err("its items are records of several fields, expected numbers or texts".into());
-    };
+    let descr = between(after("descr")?, '\'', '\'')
+        .ok_or("its items are records of several fields, expected numbers or texts")?;
     let order = after("fortran_order")?;
     let fortran_order = order.starts_with("True");
     if !fortran_order && !order.starts_with("False") {
         return Err(wrong());
     }
-    let shape = after("shape")?
-        .strip_prefix('(')
-        .and_then(|rest| rest.split_once(')'));
-    let (shape, _) = shape.ok_or_else(wrong)?;
-    let axes = shape
-        .split(',')
-        .map(str::trim)
-        .filter(|axis| !axis.is_empty());
-    let shape = axes
-        .map(|axis| axis.parse().map_err(|_| wrong()))
-        .collect::<Result<_, _>>()?;
-    Ok(Header {
-        descr: descr.to_owned(),
-        fortran_order,
-        shape,
-    })
+    let shape = between(after("shape")?, '(', ')').ok_or_else(wrong)?;
+    let axes = shape.split(',').map(str::trim);
+    let axes = axes.filter(|axis| !axis.is_empty());
+    let shape = axes.map(|axis| axis.parse().map_err(|_| wrong()));
+    Ok((descr, fortran_order, shape.collect::<Result<_, _>>()?))
+}
+
+/// What stands before the first `end`, behind a `start` at the beginning.
+fn between(text: &str, start: char, end: char) -> Option<&str> {
+    text.strip_prefix(start)?
+        .split_once(end)
+        .map(|(inner, _)| inner)
 }
 
 /// What an item is and how it is stored.
@@ -131,39 +104,31 @@ struct Item {
 
 impl Item {
     fn of(descr: &str) -> Result<Self, String> {
-        let unknown = || match descr.strip_prefix(['|', '<', '>', '=']).unwrap_or(descr) {
-            "O" => "its items are pickled Python objects, expected plain numbers: save it again \
-                    as an array of floats"
-                .to_owned(),
-            _ => format!(
-                "its items are of dtype `{descr}`, expected i1 to i8, u1 to u8, f4 or f8, or U or S"
-            ),
-        };
-        let (order, kind, width) = match descr.as_bytes() {
-            [order @ (b'<' | b'>' | b'|' | b'='), kind, width @ ..] => (*order, *kind, width),
-            _ => return Err(unknown()),
-        };
-        let width: usize = std::str::from_utf8(width)
-            .ok()
-            .and_then(|w| w.parse().ok())
-            .ok_or_else(unknown)?;
+        let (order, item) = descr.split_at_checked(1).unwrap_or_default();
+        let (kind, width) = item.split_at_checked(1).unwrap_or_default();
+        let width = width.parse().unwrap_or(0);
         let known = match kind {
-            b'i' | b'u' => matches!(width, 1 | 2 | 4 | 8),
-            b'f' => matches!(width, 4 | 8),
-            b'U' | b'S' => (1..=4096).contains(&width),
+            "i" | "u" => matches!(width, 1 | 2 | 4 | 8),
+            "f" => matches!(width, 4 | 8),
+            "U" | "S" => (1..=4096).contains(&width),
             _ => false,
         };
-        let native_big = order == b'=' && cfg!(target_endian = "big");
-        let big_endian = order == b'>' || native_big;
-        if known {
-            Ok(Self {
+        if known && ["<", ">", "|"].contains(&order) {
+            let (kind, big_endian) = (kind.as_bytes()[0], order == ">");
+            return Ok(Self {
                 kind,
                 width,
                 big_endian,
-            })
-        } else {
-            Err(unknown())
+            });
         }
+        Err(if kind == "O" {
+            "its items are pickled Python objects, expected plain numbers: save it again as an array \
+             of floats"
+                .to_owned()
+        } else {
+            let expected = "i1 to i8, u1 to u8, f4 or f8, or U or S";
+            format!("its items are of dtype `{descr}`, expected {expected}")
+        })
     }
 
     fn size(&self) -> usize {
@@ -185,11 +150,10 @@ impl Item {
 
     /// The bytes of an item as one integer.
     fn bits(&self, item: &[u8]) -> u64 {
-        let join = |all: u64, &byte: &u8| all << 8 | u64::from(byte);
         if self.big_endian {
-            item.iter().fold(0, join)
+            integer(item.iter())
         } else {
-            item.iter().rev().fold(0, join)
+            integer(item.iter().rev())
         }
     }
 
@@ -214,24 +178,12 @@ impl Item {
 }
 
 fn text(item: &[u8]) -> String {
-    let end = item
-        .iter()
-        .position(|&byte| byte == 0)
-        .unwrap_or(item.len());
-    String::from_utf8_lossy(&item[..end]).into_owned()
+    let text = item.split(|&byte| byte == 0).next().unwrap_or_default();
+    String::from_utf8_lossy(text).into_owned()
 }
 
-impl Items {
-    /// From the order in which the first axis moves fastest.
-    fn into_c_order(self, shape: &[usize]) -> Self {
-        match self {
-            Self::Numbers(items) => Self::Numbers(c_order(&items, shape)),
-            Self::Texts(items) => Self::Texts(c_order(&items, shape)),
-        }
-    }
-}
-
-fn c_order<T: Clone>(items: &[T], shape: &[usize]) -> Vec<T> {
+/// From the order in which the first axis moves fastest.
+fn c_order(items: &[f64], shape: &[usize]) -> Vec<f64> {
     let from = |mut index: usize| {
         // Digits of the C-order index, last axis first, put together the other way round.
         let mut at = 0;
@@ -241,7 +193,7 @@ fn c_order<T: Clone>(items: &[T], shape: &[usize]) -> Vec<T> {
             at += index % axis * stride;
             index /= axis;
         }
-        items[at].clone()
+        items[at]
     };
     (0..items.len()).map(from).collect()
 }

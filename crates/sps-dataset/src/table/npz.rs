@@ -1,63 +1,50 @@
 use std::io::{Cursor, Read};
-use std::path::Path;
 
 use zip::ZipArchive;
+use zip::result::ZipError;
 
 use super::keyed::{KeyedTable, Touch};
 use super::npy::{self, Array, Items};
 use super::rows::RawTable;
 use super::{Npz, NpzLayout, Stacked};
-use crate::PropertyOrder;
+use crate::error::{Fault, Place};
 use crate::tactile::is_plausible;
-use crate::{DatasetError, DatasetErrorKind, Place, Surface};
+use crate::{DatasetErrorKind, PropertyOrder, Surface};
 
 /// What a value costs in memory until its table is assembled, about.
 const BYTES_PER_VALUE: u64 = 64;
 
 /// Reads an archive of at most `limit` bytes once unpacked.
 pub(super) fn read(
-    path: &Path,
     bytes: &[u8],
     format: &Npz,
     surfaces: &[Surface],
     limit: u64,
-) -> Result<RawTable, DatasetError> {
+) -> Result<RawTable, Fault> {
     let order = format.property_order.as_ref();
-    let order =
-        order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::no_property_order()))?;
-    let arrays = Arrays::unpack(path, bytes, limit)?;
-    let mut table = KeyedTable::new(path, &format.statistics);
+    let order = order.ok_or_else(DatasetErrorKind::no_property_order)?;
+    let arrays = Arrays::unpack(bytes, limit)?;
+    let mut table = KeyedTable::new(&format.statistics);
     let mut push = |name: &str, values: &Numbers<'_>| {
-        let touches = values
-            .touches(order)
-            .map_err(|kind| DatasetError::key(path, name, kind))?;
+        let touches = values.touches(order).map_err(|kind| kind.at_key(name))?;
         table.push(Place::Key(name.to_owned()), name, touches)
     };
     match &format.layout {
         NpzLayout::Keyed => {
-            for (name, array) in &arrays.named {
-                push(name, &arrays.numbers(name, array)?)?;
+            for (name, array) in &arrays.0 {
+                push(name, &Numbers::of(name, array)?)?;
             }
         }
         NpzLayout::Stacked(stacked) => {
             for statistic in [&format.statistics.mean, &format.statistics.std] {
                 if let Some(array) = arrays.find(statistic) {
-                    push(statistic, &arrays.numbers(statistic, array)?)?;
+                    push(statistic, &Numbers::of(statistic, array)?)?;
                 }
             }
-            let values = arrays.numbers(&stacked.values, arrays.required(&stacked.values)?)?;
+            let values = Numbers::of(&stacked.values, arrays.required(&stacked.values)?)?;
             let names = arrays.surface_names(stacked, surfaces)?;
-            let (stack, each) = values
-                .split()
-                .map_err(|kind| DatasetError::key(path, &stacked.values, kind))?;
-            if stack != names.len() {
-                let kind = DatasetErrorKind::unexpected(
-                    "the first axis",
-                    stack.to_string(),
-                    format!("{}, one per surface", names.len()),
-                );
-                return Err(DatasetError::key(path, &stacked.values, kind));
-            }
+            let each = values.split(names.len());
+            let each = each.map_err(|kind| kind.at_key(&stacked.values))?;
             for (name, values) in names.iter().zip(each) {
                 push(name, &values)?;
             }
@@ -66,27 +53,20 @@ pub(super) fn read(
     table.finish(order.to_vec())
 }
 
-/// The arrays of an archive, in its order.
-struct Arrays<'a> {
-    path: &'a Path,
-    named: Vec<(String, Array)>,
-}
+/// The arrays of an archive by name, in its order.
+struct Arrays(Vec<(String, Array)>);
 
-impl<'a> Arrays<'a> {
-    fn unpack(path: &'a Path, bytes: &[u8], limit: u64) -> Result<Self, DatasetError> {
-        let malformed = |reason: String| {
-            let format = "NPZ";
-            DatasetError::file(path, DatasetErrorKind::Malformed { format, reason })
-        };
-        let in_zip = |error: zip::result::ZipError| malformed(error.to_string());
+impl Arrays {
+    fn unpack(bytes: &[u8], limit: u64) -> Result<Self, Fault> {
+        let malformed = |reason: String| DatasetErrorKind::malformed("NPZ", reason);
+        let in_zip = |error: ZipError| malformed(error.to_string());
         let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(in_zip)?;
-        let mut named: Vec<(String, Array)> = Vec::new();
+        let mut named = Vec::new();
         let mut left = limit;
         for index in 0..archive.len() {
             let file = archive.by_index(index).map_err(in_zip)?;
             let name = file.name().map_err(|error| malformed(error.to_string()))?;
-            let name = name.into_owned();
-            let name = name.strip_suffix(".npy").unwrap_or(&name);
+            let name = name.strip_suffix(".npy").unwrap_or(&name).to_owned();
             let mut unpacked = Vec::new();
             let read = file.take(left.saturating_add(1)).read_to_end(&mut unpacked);
             read.map_err(|error| malformed(format!("array `{name}`: {error}")))?;
@@ -94,59 +74,37 @@ impl<'a> Arrays<'a> {
             left = left
                 .checked_sub(unpacked.len() as u64)
                 .ok_or_else(|| malformed(most))?;
-            let array = npy::read(&unpacked, limit / BYTES_PER_VALUE).map_err(|reason| {
-                let format = "NPY";
-                DatasetError::key(path, name, DatasetErrorKind::Malformed { format, reason })
-            })?;
-            named.push((name.to_owned(), array));
+            let array = npy::read(&unpacked, limit / BYTES_PER_VALUE)
+                .map_err(|reason| DatasetErrorKind::malformed("NPY", reason).at_key(&name))?;
+            named.push((name, array));
         }
-        Ok(Self { path, named })
+        Ok(Self(named))
     }
 
     fn find(&self, name: &str) -> Option<&Array> {
-        let found = self.named.iter().find(|(named, _)| named == name);
+        let found = self.0.iter().find(|(named, _)| named == name);
         found.map(|(_, array)| array)
     }
 
-    fn required(&self, name: &str) -> Result<&Array, DatasetError> {
+    fn required(&self, name: &str) -> Result<&Array, DatasetErrorKind> {
         self.find(name).ok_or_else(|| {
-            let found: Vec<_> = self.named.iter().map(|(name, _)| name.as_str()).collect();
+            let found: Vec<_> = self.0.iter().map(|(name, _)| name.as_str()).collect();
             let expected = format!("an array `{name}`");
-            let kind = DatasetErrorKind::unexpected("its arrays", found.join(", "), expected);
-            DatasetError::file(self.path, kind)
+            DatasetErrorKind::unexpected("its arrays", found.join(", "), expected)
         })
     }
 
-    fn numbers<'b>(&self, name: &str, array: &'b Array) -> Result<Numbers<'b>, DatasetError> {
-        match &array.items {
-            Items::Numbers(values) => Ok(Numbers {
-                shape: &array.shape,
-                values,
-            }),
-            Items::Texts(_) => {
-                let kind = DatasetErrorKind::unexpected("the array", "texts", "numbers");
-                Err(DatasetError::key(self.path, name, kind))
-            }
-        }
-    }
-
-    fn surface_names(
-        &self,
-        stacked: &Stacked,
-        surfaces: &[Surface],
-    ) -> Result<Vec<String>, DatasetError> {
+    fn surface_names(&self, stacked: &Stacked, surfaces: &[Surface]) -> Result<Vec<String>, Fault> {
         let Some(name) = &stacked.surfaces else {
             return Ok(surfaces.iter().map(|surface| surface.id.clone()).collect());
         };
-        match self.required(name)? {
-            Array {
-                shape,
-                items: Items::Texts(texts),
-            } if shape.len() == 1 => Ok(texts.clone()),
-            Array { shape, .. } => {
+        let Array { shape, items } = self.required(name)?;
+        match items {
+            Items::Texts(texts) if shape.len() == 1 => Ok(texts.clone()),
+            _ => {
                 let found = format!("shape {shape:?}, or numbers");
                 let kind = DatasetErrorKind::unexpected("the array", found, "one axis of texts");
-                Err(DatasetError::key(self.path, name, kind))
+                Err(kind.at_key(name))
             }
         }
     }
@@ -159,26 +117,41 @@ struct Numbers<'a> {
 }
 
 impl<'a> Numbers<'a> {
-    /// Along the first axis: its length, and each part.
+    fn of(name: &str, array: &'a Array) -> Result<Self, Fault> {
+        match &array.items {
+            Items::Numbers(values) => Ok(Self {
+                shape: &array.shape,
+                values,
+            }),
+            Items::Texts(_) => {
+                let kind = DatasetErrorKind::unexpected("the array", "texts", "numbers");
+                Err(kind.at_key(name))
+            }
+        }
+    }
+
+    /// The parts along the first axis, of which there must be so many.
     fn split(
         &self,
-    ) -> Result<(usize, impl Iterator<Item = Numbers<'a>> + use<'a>), DatasetErrorKind> {
-        let Some((&count, rest)) = self.shape.split_first() else {
+        parts: usize,
+    ) -> Result<impl Iterator<Item = Self> + use<'a>, DatasetErrorKind> {
+        let Some((&count, shape)) = self.shape.split_first() else {
             let expected = "one for surfaces and one for properties";
             return Err(DatasetErrorKind::unexpected("its axes", "none", expected));
         };
-        let size = rest.iter().product::<usize>();
-        let values = self.values;
-        let part = move |index: usize| {
-            let values = values
-                .get(index * size..(index + 1) * size)
-                .unwrap_or_default();
-            Numbers {
-                shape: rest,
-                values,
-            }
-        };
-        Ok((count, (0..count).map(part)))
+        if count != parts {
+            let expected = format!("{parts}, one per surface");
+            return Err(DatasetErrorKind::unexpected(
+                "the first axis",
+                count,
+                expected,
+            ));
+        }
+        let (all, size) = (self.values, shape.iter().product::<usize>());
+        Ok((0..count).map(move |part| Self {
+            shape,
+            values: all.get(part * size..(part + 1) * size).unwrap_or_default(),
+        }))
     }
 
     /// `(properties)`, `(repeats, properties)` or `(locations, repeats, properties)` as touches.
@@ -189,38 +162,31 @@ impl<'a> Numbers<'a> {
             _ => 0,
         };
         if repeats == 0 || self.shape.last() != Some(&order.len()) {
+            let expected = format!(
+                "(properties), (repeats, properties) or (locations, repeats, properties) with {} \
+                 properties, as in `property-order`",
+                order.len()
+            );
+            let found = format!("{:?}", self.shape);
             return Err(DatasetErrorKind::unexpected(
                 "the axes of a surface",
-                format!("{:?}", self.shape),
-                format!(
-                    "(properties), (repeats, properties) or (locations, repeats, properties) with \
-                     {} properties, as in `property-order`",
-                    order.len()
-                ),
+                found,
+                expected,
             ));
         }
         let touch = |(index, values): (usize, &[f64])| {
             let values = order.iter().zip(values);
-            let measured = values.map(|(property, &value)| match value {
-                _ if value.is_nan() => Ok(None),
-                _ if is_plausible(value) => Ok(Some(value)),
-                _ => {
-                    let expected = "a number within 1e9 of 0, or NaN";
-                    let found = value.to_string();
-                    Err(DatasetErrorKind::not_a_number(
-                        property.code(),
-                        &found,
-                        expected,
-                    ))
+            let measured = values.map(|(property, &value)| {
+                if value.is_nan() || is_plausible(value) {
+                    return Ok((!value.is_nan()).then_some(value));
                 }
+                let expected = "a number within 1e9 of 0, or NaN";
+                Err(DatasetErrorKind::not_a_number(property, value, expected))
             });
             let values = measured.collect::<Result<_, _>>()?;
             Ok(((index / repeats) as u32, (index % repeats) as u32, values))
         };
-        self.values
-            .chunks_exact(order.len())
-            .enumerate()
-            .map(touch)
-            .collect()
+        let touches = self.values.chunks_exact(order.len()).enumerate();
+        touches.map(touch).collect()
     }
 }

@@ -1,77 +1,39 @@
-use std::path::Path;
-
-use super::csv_lines::{Line, check_cells, csv_lines};
+use super::csv_lines::{Columns, Line, csv_lines};
 use super::keyed::KeyedTable;
 use super::rows::RawTable;
-use super::{Header, WideCsv, no_such_column, property_of_column};
-use crate::{DatasetError, DatasetErrorKind, Place, Property};
+use super::{Header, WideCsv};
+use crate::error::Fault;
+use crate::{DatasetErrorKind, Property};
 
-pub(super) fn read(path: &Path, bytes: &[u8], format: &WideCsv) -> Result<RawTable, DatasetError> {
-    let lines = csv_lines(path, bytes)?;
-    let (columns, count, lines) = columns(path, &lines, format)?;
-    let mut table = KeyedTable::new(path, &format.statistics);
-    for line in lines {
-        check_cells(path, line, count)?;
-        let values = columns
-            .iter()
-            .map(|(column, property)| line.measured(path, *column, property));
-        let values = values.collect::<Result<_, _>>()?;
-        table.push(Place::Line(line.number), line.cell(0), vec![(0, 0, values)])?;
+pub(super) fn read(bytes: &[u8], format: &WideCsv) -> Result<RawTable, Fault> {
+    let (first, below) = csv_lines(bytes)?;
+    let (columns, count) = match (format.header, &format.property_order) {
+        (Header::Properties, _) => (named(&first, format)?, first.cells.len()),
+        (_, Some(order)) => ((1..).zip(order.iter().cloned()).collect(), order.len() + 1),
+        (_, None) => return Err(DatasetErrorKind::no_property_order().into()),
+    };
+    // A file without any line has no surface either.
+    let is_surface = format.header == Header::Absent && !first.cells.is_empty();
+    let first = is_surface.then_some(&first);
+    let mut table = KeyedTable::new(&format.statistics);
+    for line in first.into_iter().chain(&below) {
+        line.check_cells(count)?;
+        let values = line.measured(&columns)?;
+        table.push(line.place(), line.cell(0), vec![(0, 0, values)])?;
     }
     table.finish(columns.into_iter().map(|(_, property)| property).collect())
 }
 
-/// Which column is which property, how many columns there are, and the lines below the header.
-type Columns<'a> = (Vec<(usize, Property)>, usize, &'a [Line]);
-
-fn columns<'a>(
-    path: &Path,
-    lines: &'a [Line],
-    format: &WideCsv,
-) -> Result<Columns<'a>, DatasetError> {
-    let (first, rest) = lines
-        .split_first()
-        .map_or((None, lines), |(a, b)| (Some(a), b));
-    let ordered = || {
-        let order = format.property_order.as_ref();
-        let order =
-            order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::no_property_order()))?;
-        Ok((1..).zip(order.iter().cloned()).collect::<Vec<_>>())
-    };
-    match format.header {
-        Header::Properties => {
-            let first = first.ok_or_else(|| no_such_column(path, 1, "surface", ""))?;
-            Ok((named(path, first, format)?, first.cells.len(), rest))
-        }
-        Header::Ignored => ordered().map(|columns| (columns.clone(), columns.len() + 1, rest)),
-        Header::Absent => ordered().map(|columns| (columns.clone(), columns.len() + 1, lines)),
-    }
-}
-
-fn named(
-    path: &Path,
-    header: &Line,
-    format: &WideCsv,
-) -> Result<Vec<(usize, Property)>, DatasetError> {
+fn named(header: &Line, format: &WideCsv) -> Result<Columns, Fault> {
     if header.cell(0) != "surface" {
-        let found = header.cells.iter().collect::<Vec<_>>().join(",");
-        return Err(no_such_column(path, header.number, "surface", &found));
+        return Err(header.no_column("surface"));
     }
-    let mut columns = Vec::new();
-    for (column, name) in header.cells.iter().enumerate().skip(1) {
-        if format.ignore_columns.iter().any(|ignored| ignored == name) {
-            continue;
-        }
-        let listed = columns.iter().map(|(_, property)| property);
-        let property = property_of_column(path, header.number, name, listed)?;
-        columns.push((column, property));
-    }
+    let columns = header.properties(&[0], &format.ignore_columns)?;
     let found = columns.iter().map(|(_, property)| property);
     match &format.property_order {
         Some(order) if !found.clone().eq(order.iter()) => {
             let expected = format!("{}, as `property-order` says", codes(order.iter()));
-            let kind = DatasetErrorKind::unexpected("the header", codes(found), expected);
-            Err(DatasetError::line(path, header.number, kind))
+            Err(header.unexpected_header(&codes(found), &expected))
         }
         _ => Ok(columns),
     }

@@ -81,36 +81,30 @@ impl TactileTable {
                 readings.push(reading);
             }
         }
-        let cells = of_surface
-            .iter_mut()
-            .flat_map(|readings| {
-                readings.sort_by_key(|reading| (reading.location, reading.repeat));
-                (0..self.properties.len()).map(|column| cell(readings, column, *settings))
-            })
-            .collect();
+        let cells = of_surface.iter_mut().flat_map(|readings| {
+            readings.sort_by_key(|reading| (reading.location, reading.repeat));
+            (0..self.properties.len()).map(|column| cell(readings, column, *settings))
+        });
         SurfaceAverages {
             properties: self.properties.clone(),
-            cells,
+            cells: cells.collect(),
         }
     }
 }
 
 /// `readings` of one surface, sorted by location and repeat.
 fn cell(readings: &[&Reading], column: usize, settings: TactileSettings) -> Option<Cell> {
-    let locations: Vec<Vec<f64>> = readings
-        .chunk_by(|a, b| a.location == b.location)
-        .map(|touches| {
-            let measured = touches
-                .iter()
-                .filter_map(|touch| *touch.values.get(column)?);
-            measured.collect::<Vec<f64>>()
-        })
+    let locations = readings.chunk_by(|a, b| a.location == b.location);
+    let measured = |touches: &[&Reading]| -> Vec<f64> {
+        let values = touches.iter().map(|touch| touch.values.get(column));
+        values.filter_map(|value| *value?).collect()
+    };
+    let locations: Vec<Vec<f64>> = locations
+        .map(measured)
         .filter(|values| !values.is_empty())
         .collect();
-    let values: Vec<f64> = locations
-        .iter()
-        .map(|values| settings.repeats.of(values))
-        .collect();
+    let values = locations.iter().map(|values| settings.repeats.of(values));
+    let values: Vec<f64> = values.collect();
     if values.is_empty() {
         return None;
     }
@@ -126,16 +120,12 @@ fn cell(readings: &[&Reading], column: usize, settings: TactileSettings) -> Opti
 /// Within-group standard deviation with `n - 1` degrees of freedom per group.
 fn pooled_std(groups: &[Vec<f64>]) -> Option<f64> {
     let freedom: usize = groups.iter().map(|values| values.len() - 1).sum();
-    let squares: f64 = groups
-        .iter()
-        .map(|values| {
-            let mean = Average::Mean.of(values);
-            values
-                .iter()
-                .map(|value| (value - mean).powi(2))
-                .sum::<f64>()
-        })
-        .sum();
+    let squares = groups.iter().map(|values| {
+        let mean = Average::Mean.of(values);
+        let squares = values.iter().map(|value| (value - mean).powi(2));
+        squares.sum::<f64>()
+    });
+    let squares: f64 = squares.sum();
     (freedom > 0).then(|| (squares / freedom as f64).sqrt())
 }
 
@@ -166,18 +156,13 @@ impl SurfaceAverages {
 
     /// How many surfaces there are.
     pub fn surfaces(&self) -> usize {
-        self.cells
-            .len()
-            .checked_div(self.properties.len())
-            .unwrap_or(0)
+        let properties = self.properties.len();
+        self.cells.len().checked_div(properties).unwrap_or(0)
     }
 
     /// One property of one surface; `None` where it was not measured or does not exist.
     pub fn cell(&self, surface: usize, property: &str) -> Option<Cell> {
-        let column = self
-            .properties
-            .iter()
-            .position(|column| column == &property)?;
+        let column = self.properties.iter().position(|code| code == &property)?;
         *self.cells.get(surface * self.properties.len() + column)?
     }
 
@@ -188,7 +173,8 @@ impl SurfaceAverages {
 
     /// One property of every surface, in the order of the surfaces.
     pub fn column(&self, property: &str) -> Vec<Option<f64>> {
-        (0..self.surfaces())
+        let surfaces = 0..self.surfaces();
+        surfaces
             .map(|surface| self.value(surface, property))
             .collect()
     }

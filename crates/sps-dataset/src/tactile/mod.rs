@@ -1,11 +1,17 @@
 mod aggregate;
-mod range;
+
+use serde::{Deserialize, Serialize};
 
 use crate::Property;
 
 pub use aggregate::{Average, Cell, SurfaceAverages, TactileSettings};
-pub use range::{OutOfRange, RangePolicy};
-pub(crate) use range::{is_plausible, nominal_range};
+
+/// Values further from 0 are a mistake of their file; sums and squares of nearer ones cannot overflow.
+pub(crate) const PLAUSIBLE: f64 = 1e9;
+
+pub(crate) fn is_plausible(value: f64) -> bool {
+    value.abs() <= PLAUSIBLE
+}
 
 /// One touch of one surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,11 +35,26 @@ pub struct TactileTable {
     pub readings: Vec<Reading>,
 }
 
-impl TactileTable {
-    /// Which value of a reading is the given property.
-    pub fn column(&self, property: &str) -> Option<usize> {
-        self.properties
-            .iter()
-            .position(|column| column == &property)
-    }
+/// What is done with a value outside of the range of its property: 0 to 100 for the Toccare's, of which
+/// published tables leave it, and the one that the dataset declares for others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RangePolicy {
+    /// It stays as it is, and is counted.
+    #[default]
+    Keep,
+    /// It becomes the nearer end of the range.
+    Clamp,
+    /// It is an error that names the file, the line and the value.
+    Reject,
+}
+
+/// How many values of one property lie outside of its range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct OutOfRange {
+    /// Values below its lower end.
+    pub below: usize,
+    /// Values above its upper end.
+    pub above: usize,
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::common::tiny_path;
 use sps_dataset::{
     DatasetFolder, DecodeSettings, Description, Frame, FrameFormat, FrameKey, LinearFrame,
     Property, PropertyRange, ReadSettings, RollAngle, Source, SourceError, Surface, TactileTable,
@@ -17,7 +18,7 @@ struct Counted {
     inner: DatasetFolder,
     frames: AtomicUsize,
     fail_from: usize,
-    ranges: BTreeMap<String, [f64; 2]>,
+    ranges: BTreeMap<&'static str, [f64; 2]>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -26,10 +27,8 @@ struct LampOut;
 
 impl Counted {
     fn new(fail_from: usize) -> Self {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/tiny-dataset");
-        let inner = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
         Self {
-            inner,
+            inner: open(&tiny_path()),
             frames: AtomicUsize::new(0),
             fail_from,
             ranges: BTreeMap::new(),
@@ -75,10 +74,9 @@ impl Source for Counted {
 }
 
 fn options(format: FrameFormat) -> WriteOptions {
-    let description = "A \"copy\",\nin two lines".to_owned();
     WriteOptions {
         format,
-        description,
+        description: "A \"copy\",\nin two lines".to_owned(),
         source: "the fixture".to_owned(),
     }
 }
@@ -100,11 +98,19 @@ fn check_copy(folder: &Path, bound: f32) {
     assert_eq!(copy.tactile(), original.tactile());
     assert_eq!(copy.manifest().description, "A \"copy\",\nin two lines");
     for index in 0..30 {
-        let [a, b] =
-            [&original.inner, &copy].map(|source| source.frame(index / 5, index % 5).unwrap());
-        assert_eq!((a.width, a.height), (b.width, b.height));
+        let frame = |source: &DatasetFolder| source.frame(index / 5, index % 5).unwrap();
+        let [a, b] = [&original.inner, &copy].map(frame);
+        assert_eq!(a.extent(), b.extent());
         let worst = furthest(&a, &b);
         assert!(worst <= bound, "frame {index} is {worst} off");
+    }
+}
+
+fn frame(width: usize, height: usize, data: Vec<f32>) -> Frame {
+    Frame {
+        width,
+        height,
+        data,
     }
 }
 
@@ -134,12 +140,8 @@ fn exr_reads_back_within_the_documented_bound() {
     write_dataset(&source, folder.path(), &options, |_, _| {}).unwrap();
     check_copy(folder.path(), 3e-4);
     // Every display value there can be, not only those of a picture.
-    let data: Vec<f32> = (0..30_000).map(|i| i as f32 / 29_999.0).collect();
-    let ramp = Frame {
-        width: 100,
-        height: 100,
-        data,
-    };
+    let ramp = (0..30_000).map(|i| i as f32 / 29_999.0);
+    let ramp = frame(100, 100, ramp.collect());
     let bytes = FrameFormat::Exr.encode(&ramp).unwrap();
     let back = decode_image(&bytes, &DecodeSettings::default()).unwrap();
     let worst = furthest(&ramp, &back.frame);
@@ -159,9 +161,8 @@ fn light_is_kept_by_exr_and_shown_by_png() {
     let bytes: Vec<f32> = shown.frame.data.iter().map(|v| v * 255.0).collect();
     assert_eq!(bytes, [0.0, 118.0, 255.0, 0.0, 255.0, 188.0]);
     let exr = FrameFormat::Exr.encode_linear(&light).unwrap();
-    let counts = decode_image(&exr, &DecodeSettings::default())
-        .unwrap()
-        .light;
+    let shown = decode_image(&exr, &DecodeSettings::default()).unwrap();
+    let counts = shown.light;
     assert_eq!((counts.clipped, counts.negative), (1, 1));
     let darker = DecodeSettings {
         exposure_stops: -3.0,
@@ -182,9 +183,8 @@ fn light_is_kept_by_exr_and_shown_by_png() {
 #[test]
 fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
     let folder = TempDir::new().unwrap();
-    let stopped = write_png(&Counted::new(14), folder.path());
-    let stopped = stopped.unwrap_err();
-    assert!(matches!(stopped.kind(), WriteErrorKind::Frame { .. }));
+    let stopped = write_png(&Counted::new(14), folder.path()).unwrap_err();
+    assert!(matches!(stopped.kind(), WriteErrorKind::Frame(_)));
     assert!(stopped.to_string().ends_with("the lamp went out"));
     assert!(!folder.path().join("dataset.toml").exists());
     let finished = entries(&folder.path().join("frames"));
@@ -216,20 +216,27 @@ fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
 }
 
 #[test]
-fn what_a_killed_run_left_half_written_is_removed() {
+fn what_a_killed_run_left_half_written_is_removed_or_written_again() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);
     write_png(&source, folder.path()).unwrap();
-    let left = folder.path().join("frames/.writing-1-0");
+    let (left, file) = (
+        folder.path().join("frames/.writing-1-0"),
+        folder.path().join(".writing-1-0"),
+    );
     std::fs::create_dir(&left).unwrap();
     std::fs::write(left.join("000.png"), b"half").unwrap();
-    std::fs::write(folder.path().join(".writing-1-0"), b"half").unwrap();
+    std::fs::write(&file, b"half").unwrap();
+    let plan = folder.path().join(".write-plan");
+    let whole = std::fs::read(&plan).unwrap();
+    std::fs::write(&plan, &whole[..whole.len() / 2]).unwrap();
     write_png(&source, folder.path()).unwrap();
-    assert!(!left.exists() && !folder.path().join(".writing-1-0").exists());
+    assert!(!left.exists() && !file.exists());
+    assert_eq!(std::fs::read(&plan).unwrap(), whole);
 }
 
 #[test]
-fn two_datasets_do_not_mix() {
+fn two_datasets_or_processes_do_not_mix() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);
     write_png(&source, folder.path()).unwrap();
@@ -244,17 +251,11 @@ fn two_datasets_do_not_mix() {
     std::fs::write(foreign.path().join("dataset.toml"), "name = \"theirs\"").unwrap();
     let refused = write_png(&source, foreign.path()).unwrap_err();
     assert!(matches!(refused.kind(), WriteErrorKind::Occupied(_)));
-}
 
-#[test]
-fn two_processes_do_not_write_into_one_folder() {
-    let folder = TempDir::new().unwrap();
-    let source = Counted::new(usize::MAX);
-    write_png(&source, folder.path()).unwrap();
     let lock = std::fs::File::open(folder.path().join(".write-plan")).unwrap();
     lock.lock().unwrap();
-    let refused = write_png(&source, folder.path());
-    assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::InUse));
+    let refused = write_png(&source, folder.path()).unwrap_err();
+    assert!(matches!(refused.kind(), WriteErrorKind::InUse));
 }
 
 /// A child has the files of its parent until it becomes its own program.
@@ -278,42 +279,25 @@ fn a_child_that_another_thread_starts_does_not_keep_the_folder() {
 }
 
 #[test]
-fn a_plan_that_was_cut_short_is_written_again() {
-    let folder = TempDir::new().unwrap();
-    let source = Counted::new(usize::MAX);
-    write_png(&source, folder.path()).unwrap();
-    let plan = folder.path().join(".write-plan");
-    let whole = std::fs::read(&plan).unwrap();
-    std::fs::write(&plan, &whole[..whole.len() / 2]).unwrap();
-    write_png(&source, folder.path()).unwrap();
-    assert_eq!(std::fs::read(&plan).unwrap(), whole);
-}
-
-#[test]
 fn a_file_where_a_folder_belongs_is_an_error() {
-    let folder = TempDir::new().unwrap();
-    let file = folder.path().join("taken");
-    std::fs::write(&file, "").unwrap();
-    let refused = write_png(&Counted::new(0), &file);
-    assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::Io(_)));
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let refused = write_png(&Counted::new(0), file.path()).unwrap_err();
+    assert!(matches!(refused.kind(), WriteErrorKind::Io(_)));
 }
 
 #[test]
 fn a_frame_without_pixels_is_refused() {
-    let empty = Frame {
-        width: 0,
-        height: 3,
-        data: Vec::new(),
-    };
-    let refused = FrameFormat::Png.encode(&empty).unwrap_err();
-    let expected = "the frame cannot be encoded: it has 0 values for 0 x 3 pixels";
+    let refused = FrameFormat::Png
+        .encode(&frame(0, 3, Vec::new()))
+        .unwrap_err();
+    let expected =
+        "the frame cannot be encoded: it has 0 values for 0 x 3 pixels, expected three for each";
     assert_eq!(refused.to_string(), expected);
-    let short = Frame {
-        width: 2,
-        height: 2,
-        data: vec![0.0; 11],
-    };
-    assert!(FrameFormat::Png.encode(&short).is_err());
+    assert!(
+        FrameFormat::Png
+            .encode(&frame(2, 2, vec![0.0; 11]))
+            .is_err()
+    );
 }
 
 /// A file system of 48 KiB, less than half of what the dataset needs; unmounted when dropped.
@@ -326,7 +310,7 @@ impl TinyDisk {
         let folder = TempDir::new().unwrap();
         let mut mount = std::process::Command::new("mount");
         mount
-            .args(["-t", "tmpfs", "-o", "size=48k", "tmpfs"])
+            .args("-t tmpfs -o size=48k tmpfs".split(' '))
             .arg(folder.path());
         let mounted = mount.stderr(std::process::Stdio::null()).status();
         let is_there = mounted.is_ok_and(|status| status.success());
@@ -364,14 +348,9 @@ fn a_full_disk_leaves_whole_surfaces_only() {
 
 #[test]
 fn declared_ranges_are_kept() {
-    let ranged = |ranges: &[(&str, [f64; 2])]| {
-        let ranges = ranges
-            .iter()
-            .map(|(code, ends)| ((*code).to_owned(), *ends));
-        Counted {
-            ranges: ranges.collect(),
-            ..Counted::new(usize::MAX)
-        }
+    let ranged = |ranges: &[(&'static str, [f64; 2])]| Counted {
+        ranges: ranges.iter().copied().collect(),
+        ..Counted::new(usize::MAX)
     };
     let source = ranged(&[("fRS", [0.0, 100.0]), ("cDF", [-0.1, f64::INFINITY])]);
     let folder = TempDir::new().unwrap();

@@ -4,7 +4,8 @@ use exr::math::Vec2;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 
-use super::super::{FrameErrorKind, ImageFormat};
+use super::super::FrameErrorKind;
+use super::unsupported;
 
 /// Which channels, as indices in their part's list, make the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,8 +62,8 @@ impl Picture {
 /// A layer that has a picture.
 struct Candidate {
     part: usize,
-    /// The name of the part; empty where it has none.
-    part_name: String,
+    /// That of its part, what stands before its channels' names, or both.
+    name: String,
     /// What stands before the channels' names; empty for the unnamed layer of a part.
     prefix: String,
     picture: Picture,
@@ -78,7 +79,9 @@ pub(super) fn choose(
 ) -> Result<(usize, Picture), FrameErrorKind> {
     let candidates = candidates(headers)?;
     let chosen = match (layer, &candidates[..]) {
-        (Some(layer), _) => candidates.iter().find(|one| one.goes_by(layer)),
+        (Some(layer), _) => candidates
+            .iter()
+            .find(|one| one.name == layer || (!layer.is_empty() && one.prefix == layer)),
         (None, [only]) => Some(only),
         (None, _) => candidates.iter().find(|one| one.prefix.is_empty()),
     };
@@ -87,31 +90,21 @@ pub(super) fn choose(
         .ok_or_else(|| absent(headers, &candidates, layer))
 }
 
-impl Candidate {
-    fn name(&self) -> String {
-        match (self.part_name.as_str(), self.prefix.as_str()) {
-            ("", name) | (name, "") => name.to_owned(),
-            (part, prefix) => format!("{part}.{prefix}"),
-        }
-    }
-
-    fn goes_by(&self, layer: &str) -> bool {
-        self.name() == layer || (!self.prefix.is_empty() && self.prefix == layer)
-    }
-}
-
 fn candidates(headers: &[Header]) -> Result<Vec<Candidate>, FrameErrorKind> {
     let mut candidates = Vec::new();
     for (part, header) in headers.iter().enumerate() {
         let part_name = header.own_attributes.layer_name.as_ref();
         let part_name = part_name.map(ToString::to_string).unwrap_or_default();
-        let prefixes: BTreeSet<String> =
-            names(header).map(|name| prefix(&name).to_owned()).collect();
-        for prefix in prefixes {
+        let prefixes = names(header).map(|name| prefix(&name).to_owned());
+        for prefix in prefixes.collect::<BTreeSet<_>>() {
             if let Some(picture) = picture(header, &prefix)? {
+                let name = match (part_name.as_str(), prefix.as_str()) {
+                    ("", name) | (name, "") => name.to_owned(),
+                    (part, prefix) => format!("{part}.{prefix}"),
+                };
                 candidates.push(Candidate {
                     part,
-                    part_name: part_name.clone(),
+                    name,
                     prefix,
                     picture,
                 });
@@ -122,11 +115,8 @@ fn candidates(headers: &[Header]) -> Result<Vec<Candidate>, FrameErrorKind> {
 }
 
 fn names(header: &Header) -> impl Iterator<Item = String> {
-    header
-        .channels
-        .list
-        .iter()
-        .map(|channel| channel.name.to_string())
+    let channels = header.channels.list.iter();
+    channels.map(|channel| channel.name.to_string())
 }
 
 fn prefix(name: &str) -> &str {
@@ -145,22 +135,22 @@ fn picture(header: &Header, prefix: &str) -> Result<Option<Picture>, FrameErrorK
     };
     let sampling = |channel: usize| header.channels.list[channel].sampling;
     let full = |channels: &[usize]| channels.iter().all(|&c| sampling(c) == Vec2(1, 1));
-    let unsupported = |reason: &str| Err(FrameErrorKind::unsupported(ImageFormat::Exr, reason));
     match (find("R"), find("G"), find("B")) {
         (Some(r), Some(g), Some(b)) if full(&[r, g, b]) => {
             return Ok(Some(Picture::Rgb([r, g, b])));
         }
-        (Some(_), Some(_), Some(_)) => return unsupported("subsampled R, G or B"),
+        (Some(_), Some(_), Some(_)) => return Err(unsupported("subsampled R, G or B")),
         _ => {}
     }
     match (find("Y"), find("RY"), find("BY")) {
-        (Some(y), _, _) if !full(&[y]) => unsupported("subsampled luminance"),
+        (Some(y), _, _) if !full(&[y]) => Err(unsupported("subsampled luminance")),
         (Some(y), None, None) => Ok(Some(Picture::Luminance(y))),
         (Some(y), Some(ry), Some(by)) => {
             let sampling = sampling(ry);
             let alike = sampling == header.channels.list[by].sampling;
             if !alike || ![Vec2(1, 1), Vec2(2, 2)].contains(&sampling) {
-                return unsupported("chroma that is subsampled otherwise than 2 x 2");
+                let reason = "chroma that is subsampled otherwise than 2 x 2";
+                return Err(unsupported(reason));
             }
             Ok(Some(Picture::LuminanceChroma {
                 y,
@@ -175,17 +165,13 @@ fn picture(header: &Header, prefix: &str) -> Result<Option<Picture>, FrameErrorK
 
 fn absent(headers: &[Header], candidates: &[Candidate], layer: Option<&str>) -> FrameErrorKind {
     let found: Vec<_> = headers.iter().flat_map(names).collect();
-    let layers: Vec<_> = candidates
-        .iter()
-        .map(|one| format!("`{}`", one.name()))
-        .collect();
-    let expected = match (layer, layers.is_empty()) {
-        (_, true) => "R, G and B, or Y, or Y, RY and BY".to_owned(),
-        (Some(layer), _) => format!("the layer `{layer}` to be one of {}", layers.join(", ")),
-        (None, _) => format!("`exr-layer` to say which of {}", layers.join(", ")),
+    let layers = candidates.iter().map(|one| format!("`{}`", one.name));
+    let layers = layers.collect::<Vec<_>>().join(", ");
+    let expected = match layer {
+        _ if layers.is_empty() => "R, G and B, or Y, or Y, RY and BY".to_owned(),
+        Some(layer) => format!("the layer `{layer}` to be one of {layers}"),
+        None => format!("`exr-layer` to say which of {layers}"),
     };
-    FrameErrorKind::MissingChannels {
-        found: found.join(", "),
-        expected,
-    }
+    let found = found.join(", ");
+    FrameErrorKind::Invalid(format!("has the channels {found}; expected {expected}"))
 }

@@ -7,7 +7,8 @@ use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData, compute_block_count};
 
-use super::super::{FrameErrorKind, ImageFormat, Limits};
+use super::super::{FrameErrorKind, Limits};
+use super::{damaged, unsupported};
 
 /// How large a block may be once unpacked, per pixel that the limits allow; the decompressors hold
 /// several copies of it.
@@ -82,18 +83,12 @@ impl<'a> ExrFile<'a> {
         let mut rest = self.chunks;
         for _ in 0..self.chunk_count {
             let chunk = self.next_chunk(&mut rest)?;
-            let Some(tile) = chunk
-                .tile
-                .filter(TileCoordinates::is_largest_resolution_level)
-            else {
+            let tile = chunk.tile.filter(|_| chunk.part == part);
+            let Some(tile) = tile.filter(TileCoordinates::is_largest_resolution_level) else {
                 continue;
             };
-            if chunk.part != part {
-                continue;
-            }
-            let bounds = header
-                .get_absolute_block_pixel_coordinates(tile)
-                .map_err(refused)?;
+            let bounds = header.get_absolute_block_pixel_coordinates(tile);
+            let bounds = bounds.map_err(refused)?;
             let index = tile.tile_index.1 * columns + tile.tile_index.0;
             if !std::mem::take(missing.get_mut(index).ok_or_else(twice)?) {
                 return Err(twice());
@@ -103,8 +98,8 @@ impl<'a> ExrFile<'a> {
         match missing.iter().filter(|&&missing| missing).count() {
             0 => Ok(()),
             count => {
-                let reason = format!("{count} of its {} blocks are missing", missing.len());
-                Err(FrameErrorKind::damaged(ImageFormat::Exr, reason))
+                let all = missing.len();
+                Err(damaged(format!("{count} of its {all} blocks are missing")))
             }
         }
     }
@@ -112,9 +107,8 @@ impl<'a> ExrFile<'a> {
     fn next_chunk(&self, rest: &mut &'a [u8]) -> Result<Chunk<'a>, FrameErrorKind> {
         let several = self.meta.requirements.has_multiple_layers;
         let part = if several { take_index(rest)? } else { 0 };
-        let header = self.meta.headers.get(part).ok_or_else(|| {
-            FrameErrorKind::damaged(ImageFormat::Exr, format!("a block belongs to part {part}"))
-        })?;
+        let header = self.meta.headers.get(part);
+        let header = header.ok_or_else(|| damaged(format!("a block belongs to part {part}")))?;
         let tile = match header.blocks {
             BlockDescription::ScanLines => scan_line_tile(header, take_i32(rest)?)?,
             BlockDescription::Tiles(_) => TileCoordinates {
@@ -122,21 +116,15 @@ impl<'a> ExrFile<'a> {
                 level_index: Vec2(take_index(rest)?, take_index(rest)?),
             },
         };
-        if header.deep {
+        let (tile, size) = if header.deep {
             let sizes = [take_u64(rest)?, take_u64(rest)?, take_u64(rest)?];
             take(rest, sizes[0])?;
-            return Ok(Chunk {
-                part,
-                tile: None,
-                packed: take(rest, sizes[1])?,
-            });
-        }
-        let size = take_index(rest)?;
-        Ok(Chunk {
-            part,
-            tile: Some(tile),
-            packed: take(rest, size as u64)?,
-        })
+            (None, sizes[1])
+        } else {
+            (Some(tile), take_index(rest)? as u64)
+        };
+        let packed = take(rest, size)?;
+        Ok(Chunk { part, tile, packed })
     }
 }
 
@@ -145,9 +133,7 @@ fn scan_line_tile(header: &Header, y: i32) -> Result<TileCoordinates, FrameError
     let rows = i64::from(y) - i64::from(header.own_attributes.layer_position.1);
     let lines = header.compression.scan_lines_per_block();
     let row = usize::try_from(rows).ok().filter(|row| row % lines == 0);
-    let row = row.ok_or_else(|| {
-        FrameErrorKind::damaged(ImageFormat::Exr, format!("a block begins at row {y}"))
-    })?;
+    let row = row.ok_or_else(|| damaged(format!("a block begins at row {y}")))?;
     Ok(TileCoordinates {
         tile_index: Vec2(0, row / lines),
         level_index: Vec2(0, 0),
@@ -156,33 +142,26 @@ fn scan_line_tile(header: &Header, y: i32) -> Result<TileCoordinates, FrameError
 
 /// Refuses what cannot be unpacked, before anything is reserved for it.
 pub(super) fn check_readable(header: &Header, limits: &Limits) -> Result<(), FrameErrorKind> {
-    let unsupported = |reason: &str| Err(FrameErrorKind::unsupported(ImageFormat::Exr, reason));
     if header.deep {
-        return unsupported("deep data");
+        return Err(unsupported("deep data"));
     }
-    if header
-        .channels
-        .list
-        .iter()
-        .any(|channel| !fits(header, channel.sampling))
-    {
+    let sampling = || header.channels.list.iter().map(|channel| channel.sampling);
+    if !sampling().all(|sampling| fits(header, sampling)) {
         let reason = "its size or position is no multiple of a channel's sampling";
-        return Err(FrameErrorKind::damaged(ImageFormat::Exr, reason));
+        return Err(damaged(reason));
     }
-    let subsampled = header
-        .channels
-        .list
-        .iter()
-        .any(|channel| channel.sampling != Vec2(1, 1));
+    let subsampled = sampling().any(|sampling| sampling != Vec2(1, 1));
     if subsampled && header.blocks != BlockDescription::ScanLines {
-        return unsupported("subsampled channels in tiles");
+        return Err(unsupported("subsampled channels in tiles"));
     }
     let lossy = matches!(
         header.compression,
         Compression::B44 | Compression::B44A | Compression::DWAA(_) | Compression::DWAB(_)
     );
     if subsampled && lossy {
-        return unsupported(&format!("subsampled channels under {}", header.compression));
+        let compression = header.compression;
+        let reason = format!("subsampled channels under {compression}");
+        return Err(unsupported(reason));
     }
     let Vec2(width, height) = header.layer_size;
     let block = header.max_block_pixel_size();
@@ -190,9 +169,8 @@ pub(super) fn check_readable(header: &Header, limits: &Limits) -> Result<(), Fra
     let bytes = pixels.saturating_mul(header.channels.bytes_per_pixel as u64);
     let most = limits.pixels.saturating_mul(BLOCK_BYTES_PER_PIXEL);
     if bytes > most {
-        return unsupported(&format!(
-            "a block that unpacks to {bytes} bytes, more than {most}"
-        ));
+        let reason = format!("a block that unpacks to {bytes} bytes, more than {most}");
+        return Err(unsupported(reason));
     }
     Ok(())
 }
@@ -220,20 +198,21 @@ fn unpack(
     let area = bounds.size.area();
     if !size.is_multiple_of(area) {
         let reason = "channels subsampled so that a pixel is no whole number of bytes";
-        return Err(FrameErrorKind::unsupported(ImageFormat::Exr, reason));
+        return Err(unsupported(reason));
     }
     // The crate takes every channel for full resolution; told the true number of bytes per pixel,
     // its decompressors unpack subsampled lines as they should.
     header.channels.bytes_per_pixel = size / area;
     check_dwa(header, bounds, packed, size)?;
-    let packed = packed.to_vec();
-    let unpacked = header
-        .compression
-        .decompress_image_section_from_le(header, packed, bounds, false);
-    let bytes = unpacked.map_err(refused)?;
+    let compression = header.compression;
+    let bytes = compression
+        .decompress_image_section_from_le(header, packed.to_vec(), bounds, false)
+        .map_err(refused)?;
     if bytes.len() != size {
-        let reason = format!("a block has {} bytes instead of {size}", bytes.len());
-        return Err(FrameErrorKind::damaged(ImageFormat::Exr, reason));
+        let found = bytes.len();
+        return Err(damaged(format!(
+            "a block has {found} bytes instead of {size}"
+        )));
     }
     Ok(Block { bounds, bytes })
 }
@@ -253,16 +232,12 @@ fn check_dwa(
     if !dwa || packed.len() == size {
         return Ok(());
     }
-    let counts: Vec<u64> = packed
-        .as_chunks::<8>()
-        .0
-        .iter()
-        .take(10)
-        .map(|&count| u64::from_le_bytes(count))
-        .collect();
-    let [_, unknown, _, _, _, _, run_lengths, raw, ac, dc] = counts[..] else {
+    let (counts, _) = packed.as_chunks::<8>();
+    let [_, unknown, _, _, _, _, run_lengths, raw, ac, dc, ..] = *counts else {
         return Err(cut());
     };
+    let [unknown, run_lengths, raw, ac, dc] =
+        [unknown, run_lengths, raw, ac, dc].map(u64::from_le_bytes);
     let size = size as u64;
     // Coefficients come in blocks of 8 x 8.
     let area = bounds.size.0.next_multiple_of(8) * bounds.size.1.next_multiple_of(8);
@@ -274,7 +249,7 @@ fn check_dwa(
         || dc > coefficients;
     if lies {
         let reason = "a block says that it unpacks to more than it can hold";
-        return Err(FrameErrorKind::damaged(ImageFormat::Exr, reason));
+        return Err(damaged(reason));
     }
     Ok(())
 }
@@ -330,26 +305,21 @@ fn take_u64(rest: &mut &[u8]) -> Result<u64, FrameErrorKind> {
 
 fn take_index(rest: &mut &[u8]) -> Result<usize, FrameErrorKind> {
     let value = take_i32(rest)?;
-    usize::try_from(value).map_err(|_| {
-        FrameErrorKind::damaged(ImageFormat::Exr, format!("a block has the number {value}"))
-    })
+    usize::try_from(value).map_err(|_| damaged(format!("a block has the number {value}")))
 }
 
 fn cut() -> FrameErrorKind {
-    FrameErrorKind::damaged(ImageFormat::Exr, "it is cut off")
+    damaged("it is cut off")
 }
 
 fn twice() -> FrameErrorKind {
-    FrameErrorKind::damaged(
-        ImageFormat::Exr,
-        "a block is there twice, or lies outside the picture",
-    )
+    damaged("a block is there twice, or lies outside the picture")
 }
 
 fn refused(error: Error) -> FrameErrorKind {
     match error {
-        Error::NotSupported(reason) => FrameErrorKind::unsupported(ImageFormat::Exr, reason),
+        Error::NotSupported(reason) => unsupported(reason),
         Error::Io(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => cut(),
-        error => FrameErrorKind::damaged(ImageFormat::Exr, error),
+        error => damaged(error),
     }
 }

@@ -24,7 +24,9 @@ pub(super) fn to_display(
     let counts = count(light, gain);
     if settings.non_finite == NonFinite::Reject && counts.nan + counts.infinite > 0 {
         let LightCounts { nan, infinite, .. } = counts;
-        return Err(FrameErrorKind::NonFinite { nan, infinite });
+        let found = format!("{nan} NaN and {infinite} infinite samples");
+        let text = format!("has {found}, and the policy is to reject them");
+        return Err(FrameErrorKind::Invalid(text));
     }
     if halves && light.len() >= WORTH_A_TABLE {
         show_halves(light, gain);
@@ -74,30 +76,21 @@ fn show_halves(light: &mut [f32], gain: f32) {
 mod tests {
     use super::*;
 
-    fn settings(exposure_stops: f32) -> DecodeSettings {
-        DecodeSettings {
-            exposure_stops,
-            ..DecodeSettings::default()
-        }
-    }
-
     #[test]
     fn the_table_changes_no_value_of_any_half() {
-        let all: Vec<f32> = (0..=u16::MAX)
-            .map(|bits| f16::from_bits(bits).to_f32())
-            .collect();
-        for stops in [0.0, -3.5, 7.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {
+        let all = (0..=u16::MAX).map(|bits| f16::from_bits(bits).to_f32());
+        let all: Vec<f32> = all.collect();
+        for exposure_stops in [0.0, -3.5, 7.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {
+            let settings = DecodeSettings {
+                exposure_stops,
+                ..DecodeSettings::default()
+            };
             let (mut direct, mut by_table) = (all.clone(), all.clone());
-            let counts = to_display(&mut direct, false, &settings(stops)).unwrap();
-            assert_eq!(
-                to_display(&mut by_table, true, &settings(stops)).unwrap(),
-                counts
-            );
-            assert_eq!(direct, by_table, "{stops} stops");
-            assert!(
-                direct.iter().all(|value| (0.0..=1.0).contains(value)),
-                "{stops} stops"
-            );
+            let counts = to_display(&mut direct, false, &settings).unwrap();
+            assert_eq!(to_display(&mut by_table, true, &settings).unwrap(), counts);
+            assert_eq!(direct, by_table, "{exposure_stops} stops");
+            let shown = direct.iter().all(|value| (0.0..=1.0).contains(value));
+            assert!(shown, "{exposure_stops} stops");
         }
     }
 }

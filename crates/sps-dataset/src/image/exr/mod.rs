@@ -6,6 +6,8 @@ mod chunks;
 mod display;
 mod write;
 
+use std::fmt::Display;
+
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use half::f16;
@@ -25,13 +27,9 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
     let (part, picture) = choose(file.headers(), settings.exr_layer.as_deref())?;
     let header = &file.headers()[part];
     let (width, height) = (header.layer_size.width(), header.layer_size.height());
-    check_size(
-        ImageFormat::Exr,
-        width as u64,
-        height as u64,
-        &settings.limits,
-    )?;
-    check_readable(header, &settings.limits)?;
+    let limits = &settings.limits;
+    check_size(ImageFormat::Exr, width as u64, height as u64, limits)?;
+    check_readable(header, limits)?;
 
     let mut light = Light::new(width, height, picture);
     file.read_part(part, |block| light.take(block, header))?;
@@ -45,6 +43,14 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         },
         light,
     })
+}
+
+fn damaged(reason: impl Display) -> FrameErrorKind {
+    FrameErrorKind::damaged(ImageFormat::Exr, reason)
+}
+
+fn unsupported(reason: impl Display) -> FrameErrorKind {
+    FrameErrorKind::unsupported(ImageFormat::Exr, reason)
 }
 
 /// The picture while its blocks come in.
@@ -64,14 +70,13 @@ impl Light {
             Picture::LuminanceChroma { sampling, .. } => Chroma::new(width, height, sampling),
             _ => Chroma::default(),
         };
-        let (chroma, line) = ([chroma(), chroma()], LineSamples::default());
         Self {
             width,
             height,
             picture,
             data: vec![0.0; width * height * 3],
-            chroma,
-            line,
+            chroma: [chroma(), chroma()],
+            line: LineSamples::default(),
         }
     }
 
@@ -129,14 +134,9 @@ impl LineSamples {
         let words = bytes.as_chunks::<4>().0.iter();
         match kind {
             SampleType::F16 => {
+                let (stored, _) = bytes.as_chunks::<2>();
                 halves.clear();
-                halves.extend(
-                    bytes
-                        .as_chunks::<2>()
-                        .0
-                        .iter()
-                        .map(|&b| f16::from_ne_bytes(b)),
-                );
+                halves.extend(stored.iter().map(|&half| f16::from_ne_bytes(half)));
                 floats.resize(halves.len(), 0.0);
                 halves.convert_to_f32_slice(floats);
             }

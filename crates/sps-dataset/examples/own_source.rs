@@ -3,8 +3,6 @@
 //! `cargo run --release -p sps-dataset --example own_source -- NEW_FOLDER`, or without a folder in a
 //! temporary one.
 
-use std::path::Path;
-
 use sps_dataset::{
     DatasetFolder, Frame, FrameFormat, FrameKey, InvalidCode, ReadSettings, Reading, RollAngle,
     Source, SourceError, Surface, TactileSettings, TactileTable, WriteOptions, write_dataset,
@@ -82,7 +80,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let temporary = tempfile::tempdir()?;
     let folder = std::env::args_os().nth(1);
     let folder = folder.map_or_else(|| temporary.path().join("stripes"), Into::into);
-    write(&folder)?;
+    let options = WriteOptions {
+        format: FrameFormat::Png,
+        description: "Three drawn surfaces".to_owned(),
+        source: "computed".to_owned(),
+    };
+    let written = write_dataset(&Stripes::new()?, &folder, &options, |_, _| {})?;
+    println!("{} surfaces in {}", written.written, folder.display());
 
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default())?;
     let nadir = dataset.nearest_view(RollAngle::NADIR).ok_or("no view")?;
@@ -90,20 +94,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let frame = dataset.frame(at, nadir)?;
         println!("{}: {} x {} pixels", surface.id, frame.width, frame.height);
     }
-    let inspection = dataset.inspect(&TactileSettings::default());
-    for summary in inspection.properties {
+    for summary in dataset.inspect(&TactileSettings::default()).properties {
         println!("{}: {:?}", summary.property, summary.quantiles);
     }
-    Ok(())
-}
-
-fn write(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
-    let options = WriteOptions {
-        format: FrameFormat::Png,
-        description: "Three drawn surfaces".to_owned(),
-        source: "computed".to_owned(),
-    };
-    let written = write_dataset(&Stripes::new()?, folder, &options, |_, _| {})?;
-    println!("{} surfaces in {}", written.written, folder.display());
     Ok(())
 }

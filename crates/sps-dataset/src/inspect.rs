@@ -56,11 +56,9 @@ pub struct PropertySummary {
     /// Median over the surfaces of the standard deviation of repeats.
     pub repeat_std: Option<f64>,
     /// The share of the variance of the surfaces' values that lies between groups: the intraclass
-    /// correlation ICC(1) of the one-way random effects model, by the analysis of variance (Donner,
-    /// International Statistical Review 54, 1986). Unlike the share of the sum of squares between
-    /// group means it does not grow as groups get smaller; it may be below 0 by chance where groups
-    /// mean little. `None` where no group has two surfaces with a value, where one group has all of
-    /// them, and where all values are equal.
+    /// correlation ICC(1) (Donner, International Statistical Review 54, 1986). It does not grow as
+    /// groups get smaller, and may be below 0 by chance where groups mean little. `None` where no
+    /// group has two surfaces with a value, where one group has all, and where all values are equal.
     pub between_groups: Option<f64>,
 }
 

@@ -12,9 +12,8 @@ use std::collections::BTreeMap;
 /// n0     = (N - sum of n_i^2 / N) / (k - 1)
 /// ```
 ///
-/// Both variances in the quotient are estimated without bias. The plain share of the sum of squares
-/// between group means is not: where groups mean nothing it is `(k - 1) / (N - 1)` on average, one
-/// half with pairs. It may therefore come out below 0, by chance, where groups mean little.
+/// Both variances in the quotient are estimated without bias; the plain share of the sum of squares
+/// between group means is one half on average where pairs mean nothing.
 ///
 /// `None` with fewer than two groups, where every group has one value, and where all values are
 /// equal.

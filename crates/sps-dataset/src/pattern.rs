@@ -108,16 +108,14 @@ struct Grey {
 impl Grey {
     /// The luma of Rec. 709.
     fn of(frame: &Frame) -> Self {
-        let luma = |rgb: &[f32]| {
-            dot(
-                &[0.2126, 0.7152, 0.0722],
-                &[rgb[0], rgb[1], rgb[2]].map(f64::from),
-            )
-        };
+        let weights = [0.2126, 0.7152, 0.0722];
+        let pixels = frame.data.as_chunks::<3>().0.iter();
         Self {
             width: frame.width,
             height: frame.height,
-            values: frame.data.chunks_exact(3).map(luma).collect(),
+            values: pixels
+                .map(|rgb| dot(&weights, &rgb.map(f64::from)))
+                .collect(),
         }
     }
 

@@ -35,13 +35,11 @@ impl DatasetFolder {
         let views = self.compared_views();
         let described = views.iter().map(|&view| {
             let surfaces = (0..self.surfaces.len()).into_par_iter();
-            let pattern = |at| {
+            let patterns = surfaces.map(|at| {
                 let frame = self.frame_to_resize(at, view, Some(SIDE))?;
                 Ok(pattern(&frame))
-            };
-            Ok(unit_vectors(
-                surfaces.map(pattern).collect::<Result<_, _>>()?,
-            ))
+            });
+            Ok(unit_vectors(patterns.collect::<Result<_, _>>()?))
         });
         let views = described.collect::<Result<Vec<_>, SourceError>>()?;
         Ok(join(&mut self.surfaces, &views, likeness))

@@ -29,13 +29,12 @@ impl Norm {
         let factor: Vec<f32> = gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect();
         // What the mean's rounding lost: much of a spread that is small beside the mean.
         let lost = moments.mean_lost.iter().zip(&factor);
-        let lost = beta
-            .iter()
-            .zip(lost.map(|(lost, &factor)| lost * f64::from(factor)));
+        let lost = lost.map(|(lost, &factor)| lost * f64::from(factor));
+        let beta = beta.iter().zip(lost);
         Self {
             mean: moments.mean.clone(),
-            beta: lost
-                .map(|(&beta, lost)| (f64::from(beta) - lost) as f32)
+            beta: beta
+                .map(|(&b, lost)| (f64::from(b) - lost) as f32)
                 .collect(),
             inverse,
             factor,
@@ -123,8 +122,7 @@ pub(crate) struct NormGradients {
 }
 
 impl NormGradients {
-    /// From the sums over all `count` numbers of each channel: of the gradient of `y`, and of
-    /// that times `x - mean`.
+    /// From the sums over all `count` numbers of each channel: of the gradient of `y`, and of that times `x - mean`.
     pub(crate) fn new(norm: &Norm, count: usize, [gradient, product]: &[Vec<f64>; 2]) -> Self {
         let count = count as f64;
         let of = |number: &dyn Fn(usize) -> f64| -> Vec<f32> {

@@ -13,7 +13,8 @@ use super::words::Word;
 #[repr(C, align(64))]
 struct Line([f32; LINE]);
 
-const LINE: usize = 16;
+/// Words of a cache line.
+pub(super) const LINE: usize = 16;
 
 /// Words that begin at a cache line.
 #[derive(Debug, Clone, Default)]

@@ -73,8 +73,7 @@ impl ConvShape {
         Some((Self { groups, ..*self }, joined))
     }
 
-    /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit, or no
-    /// number holds them.
+    /// Multiply-adds on a map of so many pixels; `None` where the window does not fit, or no number holds them.
     pub(crate) fn multiply_adds(&self, input: Size) -> Option<u64> {
         let taps = pixels(self.window.size) * self.group_inputs() * self.outputs;
         let mut places = self.window.output(input)?.into_iter();
@@ -89,8 +88,7 @@ impl ConvShape {
 pub(crate) struct Conv<W = f32> {
     shape: ConvShape,
     weights: Weights<W>,
-    /// For inference: the same in Winograd's form where that is worth it, laid out when a map is first
-    /// large enough.
+    /// For inference: the same in Winograd's form where that is worth it, laid out for the first large map.
     winograd: Option<OnceLock<Option<Winograd>>>,
 }
 

@@ -40,8 +40,7 @@ impl<W: Real> ConvTranspose<W> {
         Self { shape, phases }
     }
 
-    /// The layout that the output's gradient must have: as large a border of zeros as the phases
-    /// reach over.
+    /// The layout of the output's gradient, with as large a border of zeros as the phases reach over.
     pub(crate) fn layout(&self, frames: usize, input: Size, output: Size) -> Grid {
         let mut grid = Grid::tight(frames, output, self.shape.outputs).of::<W>();
         for phase in &self.phases {

@@ -8,7 +8,7 @@ use super::bands::chunks;
 use super::conv::ConvShape;
 use super::grid::{Grid, Window, pixels};
 use super::grouped::GroupWeights;
-use super::image::{self, PIXEL, Phase};
+use super::image::{self, PIXEL, Phase, rows_of_words};
 use super::outer::{Joined, Outer, Pairs};
 use super::outer_tiles::OuterTiles;
 use super::simd::{Level, TileKind};
@@ -16,8 +16,7 @@ use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
 use super::{depthwise, grouped};
 
-/// Pixels whose outer products are summed before the sum joins a longer one: few enough that
-/// what they hold stays in the cache.
+/// Pixels whose outer products are summed before the sum joins a longer one: they stay in the cache.
 const BLOCK: usize = 512;
 
 /// The same of wide windows, whose sums join that of a block.
@@ -78,9 +77,11 @@ pub(crate) fn weight_gradient_of_images<W: Real>(
 ) {
     let [time, height, width] = shape.window.size;
     let runs = image::taps::<W>(&shape.window, images);
+    let memory = rows_of_words::<W>(images);
     target.fill(0.0);
     for phase in Phase::all::<W>(&shape.window) {
-        let reach = phase.reach::<W>(&shape.window, images, to, to.rows());
+        let lattice = phase.lattice(&shape.window, images);
+        let reach = lattice.reach(to.rows(), &memory, to);
         let pairs = Pairs {
             source,
             starts: &reach.starts,

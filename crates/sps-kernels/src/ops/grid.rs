@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::buffer::LINE;
 use super::words::Word;
 
 /// Time, height, width. A still image has one time step.
@@ -10,6 +11,11 @@ pub type Size = [usize; 3];
 /// Pixels of one image.
 pub(crate) fn pixels(size: Size) -> usize {
     size.iter().product()
+}
+
+/// Where each of `count` rows of `len` numbers begins.
+pub(crate) fn starts(count: usize, len: usize) -> Vec<usize> {
+    (0..count).map(|row| row * len).collect()
 }
 
 /// The largest extent and stride of a window.
@@ -73,8 +79,7 @@ impl Window {
         (0..3).all(sound).then_some(self)
     }
 
-    /// How often the window fits if its last place may hang over the upper end; 1 where it does
-    /// not fit.
+    /// How often the window fits if its last place may hang over the upper end; at least once.
     pub(crate) fn output_ceil(&self, input: Size) -> Size {
         std::array::from_fn(|axis| {
             // Saturating, as an extent without elements may be any.
@@ -138,9 +143,6 @@ pub(super) fn rows_mut<W: Word>(
 /// Words after which addresses fall on few sets of a first-level cache.
 const SAME_SETS: usize = 512;
 
-/// Words of a cache line.
-const LINE: usize = 16;
-
 /// A feature map: frames, each of `size` pixels with a border, each of `channels` numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Grid {
@@ -177,9 +179,8 @@ impl Grid {
         self
     }
 
-    /// With pixels moved a cache line further from each other where they would lie at multiples
-    /// of [`SAME_SETS`]: those that a tile reads side by side would take each other's place in
-    /// the first-level cache.
+    /// With pixels a cache line further from each other where they would lie at multiples of [`SAME_SETS`]: those that
+    /// a tile reads side by side would take each other's place in the first-level cache.
     pub(crate) const fn staggered(mut self) -> Self {
         if self.pitch > 0 && self.pitch.is_multiple_of(SAME_SETS) {
             self.pitch += LINE;

@@ -4,14 +4,12 @@
 //! of numbers, which may begin within a word: how far within, repeats along a row of the output. Pixels that have it in
 //! common are a phase, whose weights lie as far within their words.
 
-use std::ops::Range;
-
 use bytemuck::Zeroable;
 
 use super::conv::ConvShape;
 use super::grid::{Grid, Window};
 use super::panels::Panels;
-use super::phases::{Lattice, Packed, Reach};
+use super::phases::{Lattice, Packed};
 use super::simd::Level;
 use super::words::Word;
 
@@ -74,18 +72,6 @@ impl Phase {
             start: [before, above, self.word],
             stride: [window.stride[0], window.stride[1], self.words],
         }
-    }
-
-    /// Where the runs of some rows of the output, counted over all frames, begin, and their pixels.
-    pub(super) fn reach<W: Word>(
-        &self,
-        window: &Window,
-        images: &Grid,
-        to: &Grid,
-        rows: Range<usize>,
-    ) -> Reach {
-        let memory = rows_of_words::<W>(images);
-        self.lattice(window, images).reach(rows, &memory, to)
     }
 }
 

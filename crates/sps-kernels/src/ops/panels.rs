@@ -27,20 +27,21 @@ const NEAR: [usize; 2] = [16, 8];
 /// enough. Columns beyond `n` are zero.
 #[derive(Debug, Clone)]
 pub(crate) struct Panels<W = f32> {
-    level: Level,
-    k: usize,
-    n: usize,
+    /// The level whose vectors the panels are cut for.
+    pub(super) level: Level,
+    pub(super) k: usize,
+    pub(super) n: usize,
     data: Buffer<W>,
 }
 
 /// Panels of a matrix that lie side by side: a matrix of their columns alone.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PanelRun<'a, W> {
-    level: Level,
-    k: usize,
+    pub(super) level: Level,
+    pub(super) k: usize,
     /// The first column in the whole matrix.
-    column: usize,
-    n: usize,
+    pub(super) column: usize,
+    pub(super) n: usize,
     data: &'a [W],
 }
 
@@ -75,8 +76,7 @@ impl<W: Word> Panel<'_, W> {
 }
 
 impl<W: Word> Panels<W> {
-    /// Packs the matrix `(taps * words, n)` whose element for a tap, a word and a column is
-    /// `element(tap, word, column)`.
+    /// Packs the matrix `(taps * words, n)` of `element(tap, word, column)`.
     pub(crate) fn pack(
         level: Level,
         [taps, words]: [usize; 2],
@@ -135,8 +135,7 @@ impl<W: Word> Panels<W> {
         panels
     }
 
-    /// Matrices of `k` rows and as many columns: `make` fills a panel of each from the numbers of the same
-    /// panel of this one.
+    /// Matrices of `k` rows and as many columns: `make` fills a panel of each from the same panel of this one.
     pub(super) fn derived(
         &self,
         threads: Threads,
@@ -194,16 +193,6 @@ impl<W: Word> Panels<W> {
         });
     }
 
-    /// Rows.
-    pub(crate) fn k(&self) -> usize {
-        self.k
-    }
-
-    /// Columns.
-    pub(crate) fn n(&self) -> usize {
-        self.n
-    }
-
     /// Whether the weights outweigh the maps that threads would read and copy if they shared out the columns.
     pub(crate) fn outweigh(&self, from: &Grid, to: &Grid) -> bool {
         let words = |grid: &Grid| grid.frames * pixels(grid.size) * grid.words;
@@ -238,25 +227,6 @@ impl<'a, W: Word> PanelRun<'a, W> {
             }
         };
         (0..count).map(run).collect()
-    }
-
-    /// The level whose vectors the panels are cut for.
-    pub(crate) fn level(self) -> Level {
-        self.level
-    }
-
-    /// Rows.
-    pub(crate) fn k(self) -> usize {
-        self.k
-    }
-
-    pub(crate) fn column(self) -> usize {
-        self.column
-    }
-
-    /// Columns.
-    pub(crate) fn n(self) -> usize {
-        self.n
     }
 
     /// The panels from left to right; columns are counted from the first of the run.

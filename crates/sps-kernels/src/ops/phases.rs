@@ -186,7 +186,7 @@ impl<W: Word> Packed<W> {
                 for (group, panels) in groups.iter().enumerate() {
                     let product = rows.product(panels, group, column);
                     product.write(&mut target[W::words(column)..], rows.places, rows.origin);
-                    column += panels.n();
+                    column += panels.n;
                 }
             }
             // Channels are never packed from whole numbers, nor quads from others: this keeps kernels for such words from

@@ -7,6 +7,7 @@
 
 use super::bands::on_all_threads;
 use super::buffer::Buffer;
+use super::grid::starts;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, PanelRun, Panels};
 use super::simd::{Lanes, NullaryFnOnce, load};
@@ -166,7 +167,7 @@ impl<W: Word> Product<'_, W> {
     /// Each sum runs over the taps and their elements in order, block by block: its bits do not
     /// depend on which other rows are computed with it.
     pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
-        debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
+        debug_assert_eq!(self.taps.len() * self.run, self.panels.k);
         debug_assert_eq!(self.rows.len(), places.len());
         if const { W::NUMBERS > 1 } && Plan::of(self).is_some() {
             return self.write_by_tiles(target, places, origin);
@@ -177,7 +178,7 @@ impl<W: Word> Product<'_, W> {
             places,
             origin,
         };
-        W::run(self.panels.level(), write);
+        W::run(self.panels.level, write);
     }
 
     /// The same by matrix tiles, into a map of any words. Nothing where tiles do not multiply it.
@@ -195,7 +196,7 @@ impl<W: Word> Product<'_, W> {
                 places,
                 origin,
             };
-            T::run(self.panels.level(), write);
+            T::run(self.panels.level, write);
         }
     }
 
@@ -203,7 +204,7 @@ impl<W: Word> Product<'_, W> {
     /// weights alone.
     pub(crate) fn write_shared(&self, target: &mut [W], places: &[usize]) {
         let runs = self.panels.split(rayon::current_num_threads());
-        let columns = runs.iter().map(|run| (run.column(), run.n(), *run));
+        let columns = runs.iter().map(|run| (run.column, run.n, *run));
         let columns: Vec<_> = columns.collect();
         let target = (target, places);
         write_shared(
@@ -225,9 +226,9 @@ impl<W: Word> Product<'_, W> {
     fn row_words(&self) -> usize {
         let span = match self.rows {
             [first, .., last] => last.abs_diff(*first) / (self.rows.len() - 1),
-            _ => self.panels.k(),
+            _ => self.panels.k,
         };
-        span.clamp(1, self.panels.k().max(1))
+        span.clamp(1, self.panels.k.max(1))
     }
 
     /// Has rows that are soon read brought near.
@@ -244,20 +245,19 @@ impl<W: Word> Product<'_, W> {
 
 /// The product of a row-major matrix and a packed one, row-major.
 pub(crate) fn product_of_rows(x: &[f32], panels: &Panels, epilogue: Epilogue<'_>) -> Vec<f32> {
-    let count = x.len() / panels.k();
-    let starts = |len: usize| (0..count).map(|row| row * len).collect::<Vec<_>>();
-    let mut out = vec![0.0; count * panels.n()];
+    let count = x.len() / panels.k;
+    let mut out = vec![0.0; count * panels.n];
     let product = Product {
         source: x,
-        rows: &starts(panels.k()),
+        rows: &starts(count, panels.k),
         frame_rows: count,
         taps: &[0],
-        run: panels.k(),
+        run: panels.k,
         lower: None,
         panels: panels.all(),
         epilogue,
     };
-    product.write(&mut out, &starts(panels.n()), 0);
+    product.write(&mut out, &starts(count, panels.n), 0);
     out
 }
 
@@ -316,7 +316,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
         let (product, places, origin) = (self.product, self.places, self.origin);
         let tallest = tallest::<S>();
-        let (k, n) = (product.panels.k(), product.panels.n());
+        let (k, n) = (product.panels.k, product.panels.n);
         let frame_rows = product.frame_rows.max(1);
         // Either the panels stay in the cache and each tile meets all of them, or a block of
         // frames stays and each panel meets all of it.

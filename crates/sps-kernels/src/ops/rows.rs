@@ -66,7 +66,7 @@ impl<'a, W: Word> Rows<'a, W> {
         group: usize,
         column: usize,
     ) -> Product<'a, W> {
-        let run = panels.k() / self.taps.len();
+        let run = panels.k / self.taps.len();
         Product {
             source: &self.source[group * run..],
             rows: self.starts,

@@ -24,8 +24,7 @@ pub(crate) struct ChannelStatistics {
     pub(crate) frame_means: Vec<f32>,
 }
 
-/// Rows of a run: a function of the number of channels alone, so that no sum depends on the
-/// number of threads.
+/// Rows of a run: a function of the channels alone, so that no sum depends on the number of threads.
 pub(super) fn run_rows(channels: usize) -> usize {
     (RUN / channels).max(1)
 }

@@ -59,7 +59,7 @@ pub(super) struct Plan {
 impl Plan {
     /// None where the machine has no tiles, or a tile would do too little at once.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
-        let kind = product.panels.level().tiles().filter(|_| W::NUMBERS > 1)?;
+        let kind = product.panels.level.tiles().filter(|_| W::NUMBERS > 1)?;
         let depth = deepest(product.run);
         (depth >= SHALLOWEST).then_some(Self { kind, depth })
     }
@@ -267,7 +267,7 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         T: Tiles<L>,
     {
         let product = self.product;
-        let k = product.panels.k();
+        let k = product.panels.k;
         let count = self.places.len();
         let frame_rows = if product.epilogue.per_frame() {
             product.frame_rows.max(1)
@@ -276,7 +276,7 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         };
         // Either panels, rows and what is written stay in the first-level cache, or rows stay in the second and each
         // panel meets them.
-        let n = product.panels.n();
+        let n = product.panels.n;
         let rows = if k * n <= SMALL {
             NEAR / (k + W::words(n))
         } else {

@@ -3,6 +3,7 @@
 use super::layer::{Context, Gradients};
 use crate::error::Result;
 use crate::network::Gate;
+use crate::ops::grid::starts;
 use crate::ops::outer::Outer;
 use crate::ops::panels::Panels;
 use crate::ops::product::{Activation, Epilogue, product_of_rows};
@@ -103,9 +104,4 @@ fn linear_backward(
         let panels = Panels::pack_rows(context.level, outputs, inputs, weight);
         product_of_rows(gradient, &panels, Epilogue::default())
     })
-}
-
-/// Where each of `rows` rows begins.
-fn starts(rows: usize, len: usize) -> Vec<usize> {
-    (0..rows).map(|row| row * len).collect()
 }

@@ -62,8 +62,7 @@ impl Context {
         with_values(self.tensors.as_ref(), name, work)
     }
 
-    /// Whether a map is only what a residual branch is added to, and its norm alone: the addition
-    /// takes the norm, and the map is never written.
+    /// Whether a map is a norm that only residual branches are added to: they take the norm, and it is never written.
     pub(super) fn deferred(&self, map: Map) -> bool {
         let layers = &self.network.layers;
         let mut readers = layers

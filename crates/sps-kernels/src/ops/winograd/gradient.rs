@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::points::of_sums;
 use super::transforms::{TransformGradients, TransformInputs};
 use super::{CACHE, MEMORY, Reach, Tile, Winograd, tiles, worth_it};
-use crate::ops::grid::{Window, pixels};
+use crate::ops::grid::{Window, pixels, starts};
 use crate::ops::outer::Outer;
 use crate::ops::simd::Level;
 use crate::ops::words::Word;
@@ -100,8 +100,7 @@ fn sums_of_products(
             n: outputs,
             target: &mut *slopes,
         });
-        let rows = |step: usize| (0..tiles.len()).map(|i| i * step).collect::<Vec<_>>();
-        let (left_rows, right_rows) = (rows(outputs), rows(inputs));
+        let [left_rows, right_rows] = [outputs, inputs].map(|step| starts(tiles.len(), step));
         for (i, sums) in sums.chunks_exact_mut(inputs * outputs).enumerate() {
             let outer = Outer {
                 left: &slopes[i / times * tiles.len() * outputs..],

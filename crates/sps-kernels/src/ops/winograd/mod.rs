@@ -20,7 +20,7 @@ use std::ops::Range;
 
 use super::bands::{Threads, for_each_band_of};
 use super::buffer::Buffer;
-use super::grid::{Grid, Size, Window, pixels};
+use super::grid::{Grid, Size, Window, pixels, starts};
 use super::panels::{PanelRun, Panels};
 use super::product::{Epilogue, Product, write_shared};
 use super::words::Word;
@@ -87,7 +87,7 @@ impl Winograd {
         direct: &Panels<W>,
         turned: bool,
     ) -> Option<Self> {
-        let by_tiles = W::NUMBERS > 1 && direct.all().level().tiles().is_some();
+        let by_tiles = W::NUMBERS > 1 && direct.level.tiles().is_some();
         if W::WHOLE || by_tiles || !worth_it(window, [inputs, outputs]) {
             return None;
         }
@@ -100,7 +100,7 @@ impl Winograd {
             // Products of bf16 are twice as fast as those of f32, in which tiles are multiplied.
             return None;
         };
-        let level = direct.all().level();
+        let level = direct.level;
         let make = |panel: &[f32], products: &mut [&mut [f32]]| {
             let tap = panel.len() / (9 * times);
             match side {
@@ -146,7 +146,7 @@ impl Winograd {
             let runs: Vec<Vec<_>> = weights.map(|w| w.all().split(threads)).collect();
             let of_run = |run: usize| {
                 let of: Vec<_> = runs.iter().map(|runs| runs[run]).collect();
-                (of[0].column(), of[0].n(), of)
+                (of[0].column, of[0].n, of)
             };
             let columns: Vec<_> = (0..runs[0].len()).map(of_run).collect();
             write_shared(
@@ -193,7 +193,7 @@ impl Winograd {
         epilogue: Epilogue<'_>,
     ) {
         let Some(first) = weights.first() else { return };
-        let (level, k, n) = (first.level(), first.k(), first.n());
+        let (level, k, n) = (first.level, first.k, first.n);
         let count = SIDE * SIDE;
         let tiles = tiles(SIDE - 2, reach.to.size, band);
         let most = (CACHE / (count * (k + n))).max(1);
@@ -237,12 +237,11 @@ impl Winograd {
         seen: &[f32],
         products: &mut [f32],
     ) {
-        let steps = |count: usize, step: usize| (0..count).map(|i| i * step).collect::<Vec<_>>();
         let count = seen.len() / weights.len();
         let run = count / (self.times * tiles);
         let n = products.len() / (weights.len() * tiles);
-        let (rows, places) = (steps(tiles, run), steps(tiles, n));
-        let taps = steps(self.times, tiles * run);
+        let (rows, places) = (starts(tiles, run), starts(tiles, n));
+        let taps = starts(self.times, tiles * run);
         let sources = seen.chunks_exact(count);
         let targets = products.chunks_exact_mut(tiles * n);
         for (&panels, (source, target)) in weights.iter().zip(sources.zip(targets)) {

@@ -102,19 +102,14 @@ fn stem(name: &'static str) -> Network {
 fn wider(channels: usize, width: f64) -> usize {
     let exact = channels as f64 * width;
     let near = (((exact + 4.0) / 8.0) as usize * 8).max(8);
-    if (near as f64) < 0.9 * exact {
-        near + 8
-    } else {
-        near
-    }
+    near + if (near as f64) < 0.9 * exact { 8 } else { 0 }
 }
 
 fn normed(conv: Conv, norm: impl Into<String>) -> Conv {
     conv.norm(norm).activation(Activation::Relu6)
 }
 
-/// An inverted residual block: a 1x1 convolution to more channels (but in the first stage), a
-/// depth-wise one, and a 1x1 convolution to fewer, without an activation.
+/// An inverted residual block: 1x1 to more channels (but in the first stage), depth-wise, 1x1 to fewer.
 struct Block {
     /// What its tensors' names begin with.
     name: String,
@@ -149,24 +144,17 @@ impl Block {
     fn add(&self, net: &mut Network, x: Map) -> Map {
         let inputs = net.channels[x];
         let mid = inputs * self.expansion;
-        let (mut y, mut number) = (x, 1);
+        let point = Slide::same(1, 1);
+        let (mut y, mut number, mut last) = (x, 1, "conv_pw");
         if self.expansion > 1 {
-            let names = ["conv_pw", "_expand_conv"];
-            let expand = self.layer(net, names, number, Slide::same(1, 1), mid);
-            y = net.conv(y, expand);
-            number += 1;
+            let expand = self.layer(net, ["conv_pw", "_expand_conv"], number, point, mid);
+            (y, number, last) = (net.conv(y, expand), 2, "conv_pwl");
         }
-        let names = ["conv_dw", "_depthwise_conv"];
         let slide = Slide::same(self.window, self.stride);
-        let depthwise = self.layer(net, names, number, slide, mid);
+        let depthwise = self.layer(net, ["conv_dw", "_depthwise_conv"], number, slide, mid);
         y = net.conv(y, depthwise.groups(mid));
-        let own = if self.expansion > 1 {
-            "conv_pwl"
-        } else {
-            "conv_pw"
-        };
-        let names = [own, "_project_conv"];
-        let project = self.layer(net, names, number + 1, Slide::same(1, 1), self.outputs);
+        let names = [last, "_project_conv"];
+        let project = self.layer(net, names, number + 1, point, self.outputs);
         let project = project.activation(Activation::Identity);
         if self.stride == 1 && inputs == self.outputs {
             net.residual(y, project, None, x)

@@ -4,8 +4,7 @@
 use crate::images::Normalisation;
 use crate::network::{Conv, IMAGE, Map, Network, Slide};
 
-/// A layer, or layers side by side, as the authors number them: everything is padded so that its
-/// stride alone decides the extents.
+/// A layer, or layers side by side, as the authors number them. The stride alone decides the extents.
 enum Endpoint {
     /// Convolution, batch norm and rectifier: name, channels, window, stride.
     Unit(&'static str, usize, usize, usize),
@@ -62,11 +61,12 @@ pub fn i3d(name: &'static str) -> Network {
 }
 
 fn unit(name: &str, size: usize, stride: usize, outputs: usize) -> Conv {
-    let slide = Slide::Same {
-        size: [size; 3],
-        stride: [stride; 3],
-    };
-    let conv = Conv::new(format!("{name}.conv3d"), slide, outputs);
+    let [size, stride] = [size, stride].map(|extent| [extent; 3]);
+    let conv = Conv::new(
+        format!("{name}.conv3d"),
+        Slide::Same { size, stride },
+        outputs,
+    );
     conv.norm(format!("{name}.bn")).relu()
 }
 

@@ -1,6 +1,7 @@
 use super::{check, sound, with_border};
 use crate::error::{Error, Result};
 use crate::ops::bands::Threads;
+use crate::ops::buffer::Buffer;
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
@@ -79,9 +80,9 @@ impl Convolution {
     pub fn forward(&self, x: &[f32], weight: &[f32]) -> Result<Vec<f32>> {
         self.check(x, weight)?;
         let conv = Conv::pack(Level::detect(), self.shape, weight);
-        let padded = self.from.padded(&self.shape.window);
+        let (padded, mut memory) = (self.from.padded(&self.shape.window), Buffer::default());
         let mut y = vec![0.0; self.to.len()];
-        let source = (&with_border(x, &padded)[..], &padded);
+        let source = (with_border(x, &padded, &mut memory), &padded);
         let target = (&mut y[..], &self.to);
         conv.apply(Threads::All, source, target, Epilogue::default());
         Ok(y)
@@ -96,14 +97,14 @@ impl Convolution {
         self.check(x, weight)?;
         check("gradient of a convolution", gradient, self.to.len())?;
         let (level, from, to) = (Level::detect(), &self.from, &self.to);
-        let padded = from.padded(&self.shape.window);
-        let source = (&with_border(x, &padded)[..], &padded);
+        let (padded, mut memory) = (from.padded(&self.shape.window), Buffer::default());
+        let source = (with_border(x, &padded, &mut memory), &padded);
         let mut of_weight = vec![0.0; weight.len()];
         weight_gradient(level, &self.shape, source, (gradient, to), &mut of_weight);
         let transpose = ConvTranspose::pack(level, self.shape, weight);
         let layout = transpose.layout(from.frames, from.size, to.size);
         let mut of_x = vec![0.0; from.len()];
-        let gradient = (&with_border(gradient, &layout)[..], &layout);
+        let gradient = (with_border(gradient, &layout, &mut memory), &layout);
         transpose.apply(gradient, (&mut of_x, from), false);
         Ok([of_x, of_weight])
     }

@@ -1,6 +1,7 @@
 use super::{check, sound, with_border, without_border};
 use crate::error::{Error, Result};
 use crate::ops::bands::Threads;
+use crate::ops::buffer::Buffer;
 use crate::ops::grid::{Grid, Size, Window};
 use crate::ops::pool::{max_pool, max_pool_backward};
 use crate::ops::simd::Level;
@@ -67,7 +68,8 @@ impl MaxPooling {
     pub fn forward(&self, x: &[f32]) -> Result<Vec<f32>> {
         check("x of max pooling", x, self.from.bare().len())?;
         let mut y = vec![0.0; self.to.len()];
-        let source = (&with_border(x, &self.from)[..], &self.from);
+        let mut memory = Buffer::default();
+        let source = (with_border(x, &self.from, &mut memory), &self.from);
         let target = (&mut y[..], &self.to);
         max_pool(Threads::All, Level::detect(), &self.window, source, target);
         Ok(y)
@@ -83,7 +85,8 @@ impl MaxPooling {
         check("y of max pooling", y, self.to.len())?;
         check("gradient of max pooling", gradient, self.to.len())?;
         let mut of_x = vec![0.0; self.from.len()];
-        let source = (&with_border(x, &self.from)[..], &self.from);
+        let mut memory = Buffer::default();
+        let source = (with_border(x, &self.from, &mut memory), &self.from);
         let (level, y) = (Level::detect(), (y, &self.to));
         max_pool_backward(level, &self.window, source, y, gradient, &mut of_x);
         Ok(without_border(&of_x, &self.from))

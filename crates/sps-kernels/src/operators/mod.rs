@@ -3,8 +3,6 @@
 mod convolution;
 mod max_pooling;
 
-use std::ops::Deref;
-
 pub use convolution::Convolution;
 pub use max_pooling::MaxPooling;
 
@@ -28,34 +26,16 @@ fn sound(grid: &Grid) -> bool {
     len.is_some_and(|len| (1..=isize::MAX as usize / size_of::<f32>()).contains(&len))
 }
 
-/// A feature map as kernels take it.
-enum Bordered<'a> {
-    Given(&'a [f32]),
-    /// At a cache line.
-    Copied(Buffer),
-}
-
-impl Deref for Bordered<'_> {
-    type Target = [f32];
-
-    fn deref(&self) -> &[f32] {
-        match self {
-            Self::Given(values) => values,
-            Self::Copied(values) => values,
-        }
-    }
-}
-
-/// A feature map with a border of zeros, itself where the border is empty.
-fn with_border<'a>(values: &'a [f32], padded: &Grid) -> Bordered<'a> {
+/// A feature map with a border of zeros, copied into memory at a cache line; itself where the border is empty.
+fn with_border<'a>(values: &'a [f32], padded: &Grid, memory: &'a mut Buffer) -> &'a [f32] {
     if values.len() == padded.len() {
-        return Bordered::Given(values);
+        return values;
     }
-    let mut out = Buffer::zeros(padded.len());
+    *memory = Buffer::zeros(padded.len());
     for (row, first) in values.chunks_exact(row(padded)).zip(firsts(padded)) {
-        out[first..first + row.len()].copy_from_slice(row);
+        memory[first..first + row.len()].copy_from_slice(row);
     }
-    Bordered::Copied(out)
+    memory
 }
 
 /// A feature map without its border.

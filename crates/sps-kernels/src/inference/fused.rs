@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::folded::{Ends, Folded, Packed};
 use super::gate::PackedGate;
-use super::scales::{Calibration, Scale};
+use super::scales::Scale;
 use super::slots::Slots;
 use crate::error::{Result, too_small};
 use crate::images::{Images, lay_out};
@@ -31,6 +31,8 @@ pub(super) const GROUP: usize = 4;
 pub(super) struct Fused<W> {
     /// The instructions that it runs by.
     pub(super) level: Level,
+    /// Whether numbers of f32 are [split](crate::ops::split).
+    split: bool,
     pub(super) network: Network,
     steps: Vec<Step<W>>,
     slots: Slots,
@@ -96,8 +98,7 @@ impl<W: Word> Workspace<W> {
 }
 
 impl<W: Word> Fused<W> {
-    /// `scales`, one for each map, are for int8; `None` otherwise. With a level comes whether numbers of f32 are
-    /// [split](crate::ops::split).
+    /// `scales`, one for each map, are for int8; `None` otherwise.
     pub(super) fn new(
         network: &Network,
         weights: &dyn Tensors,
@@ -106,22 +107,63 @@ impl<W: Word> Fused<W> {
     ) -> Result<Self> {
         let unit = || vec![Scale::UNIT; network.channels.len()];
         let scales = scales.unwrap_or_else(unit);
-        let plan = Plan {
-            eps: network.eps,
-            weights,
-            scales: &scales,
+        let mut fused = Self {
             level,
             split,
-        };
-        let steps = (1..).zip(&network.layers);
-        let steps = steps.map(|(map, layer)| plan.step(layer, scales[map]));
-        Ok(Self {
-            level,
-            steps: steps.collect::<Result<_>>()?,
-            slots: Slots::new(network),
             network: network.clone(),
+            steps: Vec::new(),
+            slots: Slots::new(network),
             scales,
+        };
+        for (map, layer) in (1..).zip(&network.layers) {
+            let step = fused.step(weights, layer, fused.scales[map])?;
+            fused.steps.push(step);
+        }
+        Ok(fused)
+    }
+
+    /// What makes a layer's map, which is scaled like this.
+    fn step(&self, weights: &dyn Tensors, layer: &Layer, to: Scale) -> Result<Step<W>> {
+        let ends = |conv: &Conv| Ends {
+            from: self.scales[conv.input],
+            to,
+            onto: layer.shortcut().map(|shortcut| self.scales[shortcut]),
+        };
+        Ok(match layer {
+            Layer::MaxPool(pool) => Step::Pool(pool.clone()),
+            Layer::Residual {
+                conv,
+                gate: Some(gate),
+                ..
+            } => {
+                let folded = Folded::new(conv, weights, self.network.eps)?;
+                let gate = PackedGate::new(gate, &folded, weights, self.level)?;
+                Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
+            }
+            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
+                let mut column = 0;
+                let part = |conv: &Conv| {
+                    let folded = Folded::new(conv, weights, self.network.eps)?;
+                    let mut part = self.part(conv, folded, column, ends(conv));
+                    for shift in &mut part.packed.shift {
+                        *shift += part.packed.offset;
+                    }
+                    column += conv.outputs;
+                    Ok(part)
+                };
+                Step::Convs(layer.convs().iter().map(part).collect::<Result<_>>()?)
+            }
         })
+    }
+
+    fn part(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
+        Part {
+            conv: conv.clone(),
+            packed: folded.pack((self.level, self.split), ends),
+            column,
+            accumulate: ends.accumulate(),
+            limits: ends.limits::<W>(conv.activation),
+        }
     }
 
     /// Refuses images that are smaller than the network takes.
@@ -215,8 +257,7 @@ impl<W: Word> Fused<W> {
         }
     }
 
-    /// The layout of each map of so many frames, with the border that its readers need. Maps that
-    /// share memory share a layout.
+    /// The layout of each map, with the border that its readers need. Maps that share memory share a layout.
     fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
         let (sizes, host) = (self.network.sizes(image), &self.slots.host);
         let sizes = sizes.unwrap_or_default();
@@ -255,28 +296,30 @@ impl<W: Word> Fused<W> {
         }
         slots[slot] = taken;
     }
-}
 
-impl Fused<f32> {
-    /// Shows the maps of images to a calibration.
-    pub(super) fn calibrate(&self, images: &Images<'_>, calibration: &mut Calibration) {
+    /// Calls `see` with every map of each of the images, one image at a time.
+    pub(super) fn each_map(
+        &self,
+        threads: Threads,
+        images: &Images<'_>,
+        mut see: impl FnMut(Map, &[W], &Grid),
+    ) {
         let mut slots: Vec<_> = (0..self.slots.count).map(|_| Slot::default()).collect();
         let grids = self.grids(1, images.size);
         for image in images.iter() {
-            self.lay_out(Threads::All, image, images, &grids[IMAGE], &mut slots);
-            calibration.see(IMAGE, &slots[self.slots.of[IMAGE]].memory, &grids[IMAGE]);
+            self.lay_out(threads, image, images, &grids[IMAGE], &mut slots);
+            see(IMAGE, &slots[self.slots.of[IMAGE]].memory, &grids[IMAGE]);
             for number in 0..self.steps.len() {
-                self.run(Threads::All, number, &grids, &mut slots);
+                self.run(threads, number, &grids, &mut slots);
                 let map = number + 1;
-                calibration.see(map, &slots[self.slots.of[map]].memory, &grids[map]);
+                see(map, &slots[self.slots.of[map]].memory, &grids[map]);
             }
         }
     }
 }
 
 impl<W: Word> Part<W> {
-    /// Convolves, multiplies with factors and adds shifts, its own or those of a gate, and what is there already
-    /// where that is wanted.
+    /// Convolves, multiplies with factors and adds shifts, its own or those of a gate, and what is there if wanted.
     fn apply(
         &self,
         threads: Threads,
@@ -301,60 +344,5 @@ impl<W: Word> Part<W> {
         let window = self.conv.slide.window(source.1.size);
         let conv = &self.packed.conv;
         conv.apply_by(&window, threads, source, target, epilogue);
-    }
-}
-
-/// What steps are made of.
-struct Plan<'a> {
-    eps: f64,
-    weights: &'a dyn Tensors,
-    scales: &'a [Scale],
-    level: Level,
-    split: bool,
-}
-
-impl Plan<'_> {
-    /// What makes a layer's map, which is scaled like this.
-    fn step<W: Word>(&self, layer: &Layer, to: Scale) -> Result<Step<W>> {
-        let ends = |conv: &Conv| Ends {
-            from: self.scales[conv.input],
-            to,
-            onto: layer.shortcut().map(|shortcut| self.scales[shortcut]),
-        };
-        Ok(match layer {
-            Layer::MaxPool(pool) => Step::Pool(pool.clone()),
-            Layer::Residual {
-                conv,
-                gate: Some(gate),
-                ..
-            } => {
-                let folded = Folded::new(conv, self.weights, self.eps)?;
-                let gate = PackedGate::new(gate, &folded, self.weights, self.level)?;
-                Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
-            }
-            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
-                let mut column = 0;
-                let part = |conv: &Conv| {
-                    let folded = Folded::new(conv, self.weights, self.eps)?;
-                    let mut part = self.part(conv, folded, column, ends(conv));
-                    for shift in &mut part.packed.shift {
-                        *shift += part.packed.offset;
-                    }
-                    column += conv.outputs;
-                    Ok(part)
-                };
-                Step::Convs(layer.convs().iter().map(part).collect::<Result<_>>()?)
-            }
-        })
-    }
-
-    fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
-        Part {
-            conv: conv.clone(),
-            packed: folded.pack((self.level, self.split), ends),
-            column,
-            accumulate: ends.accumulate(),
-            limits: ends.limits::<W>(conv.activation),
-        }
     }
 }

@@ -24,8 +24,9 @@ pub use scales::Scale;
 
 use crate::error::{Error, Result};
 use crate::images::Images;
-use crate::network::Network;
+use crate::network::{Map, Network};
 use crate::ops::bands::{Threads, by_team, inside_pool, on_all_threads, pass};
+use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Bytes, Word};
@@ -34,7 +35,7 @@ use crate::tensors::{self, Tensors};
 use crate::windows::CellSums;
 use fused::{Fused, GROUP, Seen, Workspace};
 use resources::{Share, shares};
-use scales::Calibration;
+use scales::Values;
 
 /// A network with its tensors, ready to embed images. Clones share it.
 ///
@@ -181,12 +182,17 @@ pub fn calibrate(
 ) -> Result<Vec<Scale>> {
     tensors::check(network, tensors)?;
     let fused = Fused::<f32>::new(network, tensors, None, (level, false))?;
-    let mut calibration = Calibration::new(network);
+    let mut seen = vec![Values::new(); network.channels.len()];
     for images in batches {
         fused.check(images)?;
-        inside_pool(|| fused.calibrate(images, &mut calibration));
+        let see = |map: Map, memory: &[f32], grid: &Grid| {
+            for place in grid.places() {
+                seen[map].see(&memory[place..place + grid.channels]);
+            }
+        };
+        inside_pool(|| fused.each_map(Threads::All, images, see));
     }
-    calibration.scales(network)
+    scales::scales(network, &seen)
 }
 
 /// A network of any words.

@@ -2,7 +2,6 @@
 
 use crate::error::{Error, Result};
 use crate::network::{Layer, Network};
-use crate::ops::grid::Grid;
 
 /// The largest number of a map.
 const LARGEST: f32 = 255.0;
@@ -71,54 +70,32 @@ impl Scale {
     }
 }
 
-/// What calibration saw of a network's maps.
-#[derive(Debug)]
-pub(super) struct Calibration {
-    maps: Vec<Values>,
-}
-
-impl Calibration {
-    pub(super) fn new(network: &Network) -> Self {
-        let maps = network.channels.iter().map(|_| Values::new()).collect();
-        Self { maps }
-    }
-
-    pub(super) fn see(&mut self, map: usize, memory: &[f32], grid: &Grid) {
-        for place in grid.places() {
-            self.maps[map].see(&memory[place..place + grid.channels]);
+/// The scales of a network's maps, in each of which these values were seen.
+///
+/// # Errors
+///
+/// When no image was seen, or a value that is not finite.
+pub(super) fn scales(network: &Network, seen: &[Values]) -> Result<Vec<Scale>> {
+    let mut scales = seen.iter().map(Values::scale).collect::<Result<Vec<_>>>()?;
+    // What is pooled is not scaled anew.
+    for (number, layer) in network.layers.iter().enumerate() {
+        if let Layer::MaxPool(pool) = layer {
+            scales[number + 1] = scales[pool.input];
         }
     }
-
-    /// The scales, `(maps, 2)`.
-    ///
-    /// # Errors
-    ///
-    /// When no image was seen, or a value that is not finite.
-    pub(super) fn scales(&self, network: &Network) -> Result<Vec<Scale>> {
-        let mut scales = Vec::with_capacity(self.maps.len());
-        for values in &self.maps {
-            scales.push(values.scale()?);
-        }
-        // What is pooled is not scaled anew.
-        for (number, layer) in network.layers.iter().enumerate() {
-            if let Layer::MaxPool(pool) = layer {
-                scales[number + 1] = scales[pool.input];
-            }
-        }
-        Ok(scales)
-    }
+    Ok(scales)
 }
 
 /// How often values occurred, by their upper 16 bits: sign, exponent and seven more.
-#[derive(Debug)]
-struct Values {
+#[derive(Debug, Clone)]
+pub(super) struct Values {
     counts: Vec<u64>,
     least: f32,
     most: f32,
 }
 
 impl Values {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             counts: vec![0; 1 << 16],
             least: 0.0,
@@ -126,7 +103,7 @@ impl Values {
         }
     }
 
-    fn see(&mut self, values: &[f32]) {
+    pub(super) fn see(&mut self, values: &[f32]) {
         for &value in values {
             self.counts[(value.to_bits() >> 16) as usize] += 1;
             self.least = self.least.min(value);
@@ -134,9 +111,7 @@ impl Values {
         }
     }
 
-    /// From the range that was seen and 0: first the upper end, then the lower one, then the upper one
-    /// again, each at that of its hundredths where rounding and clipping together make the least
-    /// squared error.
+    /// As [`calibrate`](super::calibrate) says.
     fn scale(&self) -> Result<Scale> {
         let seen: Vec<(f64, u64)> = (0_u32..)
             .zip(&self.counts)

@@ -21,17 +21,13 @@ fn layers<W: Word>(weights: &Numbers, image: &[f32], size: [usize; 3]) -> Vec<Ve
         size,
         normalisation: Normalisation::NONE,
     };
-    let grids = fused.grids(1, size);
-    let mut slots: Vec<_> = (0..fused.slots.count).map(|_| Slot::default()).collect();
-    fused.lay_out(Threads::One, image, &images, &grids[IMAGE], &mut slots);
     let mut layers = Vec::new();
-    for (number, layer) in network.layers.iter().enumerate() {
-        fused.run(Threads::One, number, &grids, &mut slots);
-        if matches!(layer, Layer::MaxPool(_) | Layer::Residual { .. }) {
-            let map = number + 1;
-            layers.push(inside(&slots[fused.slots.of[map]].memory, &grids[map]));
+    fused.each_map(Threads::One, &images, |map, memory, grid| {
+        let layer = map.checked_sub(1).map(|number| &network.layers[number]);
+        if matches!(layer, Some(Layer::MaxPool(_) | Layer::Residual { .. })) {
+            layers.push(inside(memory, grid));
         }
-    }
+    });
     layers
 }
 

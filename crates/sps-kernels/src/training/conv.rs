@@ -9,7 +9,6 @@ use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::Scratch;
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::grid::Grid;
-use crate::ops::pointwise::Shortcut;
 use crate::ops::product::Epilogue;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::words::Real;
@@ -58,16 +57,9 @@ impl<W: Real> KeptConv<W> {
         means.iter().enumerate().map(norm).collect()
     }
 
-    /// Writes the activated norm: of a residual branch its end, gated and added to a shortcut.
-    pub(super) fn end(
-        &self,
-        context: &Context,
-        conv: &Conv,
-        onto: Option<(&[f32], Shortcut<'_, W>)>,
-        target: (&mut [W], &Grid),
-    ) {
-        let (level, raw) = (context.level, (&self.raw[..], &self.grid));
-        self.norm.apply(level, raw, onto, target, conv.activation);
+    /// Memory and layout of what the norm is of.
+    pub(super) fn raw(&self) -> (&[W], &Grid) {
+        (&self.raw, &self.grid)
     }
 
     /// Runs backward, from the gradient of the activated norm, which lies as the output.

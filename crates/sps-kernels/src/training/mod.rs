@@ -159,13 +159,12 @@ impl Training {
 
     fn run<W: Real>(&self, context: Context, images: &Images<'_>) -> Result<Forward> {
         let mut statistics = Vec::new();
-        let (tape, embeddings) = inside_pool(|| {
-            Tape::<W>::record(&context, images, self.checkpointing, &mut statistics)
-        })?;
+        let record = || Tape::<W>::record(context, images, self.checkpointing, &mut statistics);
+        let (tape, embeddings) = inside_pool(record)?;
         Ok(Forward {
             embeddings,
             statistics,
-            pass: Pass(Box::new((context, tape))),
+            pass: Pass(Box::new(tape)),
         })
     }
 }
@@ -186,15 +185,14 @@ trait Backward: Debug + Send + Sync {
     fn backward(&self, cotangent: &[f32]) -> Result<Gradients>;
 }
 
-impl<W: Real> Backward for (Context, Tape<W>) {
+impl<W: Real> Backward for Tape<W> {
     fn backward(&self, cotangent: &[f32]) -> Result<Gradients> {
-        let (context, tape) = self;
-        let expected = tape.grids[IMAGE].frames * context.network.width();
+        let expected = self.grids[IMAGE].frames * self.context.network.width();
         if cotangent.len() != expected {
             let found = format_args!("{} numbers", cotangent.len());
             return Err(Error::input("gradient of the embeddings", found, expected));
         }
-        inside_pool(|| tape.backward(context, cotangent))
+        inside_pool(|| self.gradients(cotangent))
     }
 }
 
@@ -215,6 +213,7 @@ impl<W: Real> Value<W> {
 /// A forward pass, kept for its backward pass; feature maps and their gradients are of such words.
 #[derive(Debug)]
 struct Tape<W: Real> {
+    context: Context,
     segments: Vec<Segment<W>>,
     /// The layout of each map.
     grids: Vec<Grid>,
@@ -233,24 +232,23 @@ impl<W: Real> Tape<W> {
     /// Runs forward; returns the embeddings, `(frames, width)`, too. With `checkpointing`, only the
     /// inputs of the segments are kept, and the backward pass runs each segment forward once more.
     fn record(
-        context: &Context,
+        context: Context,
         images: &Images<'_>,
         checkpointing: bool,
         statistics: &mut Vec<BatchStatistics>,
     ) -> Result<(Self, Vec<f32>)> {
         let sizes = context.network.sizes(images.size);
         let sizes = sizes.ok_or_else(|| too_small(images.size))?;
-        let grids = context
-            .network
-            .grids::<W>(images.frames(), &sizes, |map| map);
-        let mut input = Arc::new(images_value(context, images, grids[IMAGE]));
+        let (frames, width) = (images.frames(), context.network.width());
+        let grids = context.network.grids::<W>(frames, &sizes, |map| map);
+        let mut input = Arc::new(images_value(&context, images, grids[IMAGE]));
         let mut segments = Vec::new();
-        let width = context.network.width();
-        let mut embeddings = vec![0.0; images.frames() * width];
+        let mut embeddings = vec![0.0; frames * width];
         for layers in ranges(&context.network) {
             let end = layers.end;
+            let statistics = Some(&mut *statistics);
             let (kept, output) =
-                Kept::record(context, layers.clone(), &input, &grids, Some(statistics))?;
+                Kept::record(&context, layers.clone(), &input, &grids, statistics)?;
             segments.push(Segment {
                 layers,
                 input,
@@ -264,11 +262,17 @@ impl<W: Real> Tape<W> {
             }
             input = output;
         }
-        Ok((Self { segments, grids }, embeddings))
+        let tape = Self {
+            context,
+            segments,
+            grids,
+        };
+        Ok((tape, embeddings))
     }
 
     /// The gradients of the parameters, from that of the embeddings.
-    fn backward(&self, context: &Context, cotangent: &[f32]) -> Result<Gradients> {
+    fn gradients(&self, cotangent: &[f32]) -> Result<Gradients> {
+        let context = &self.context;
         let mut gradients = Gradients::default();
         let mut next = None;
         for segment in self.segments.iter().rev() {

@@ -96,8 +96,15 @@ impl<W: Real> Kept<W> {
                 let kept = KeptResidual::record(context, conv, gate.as_ref(), source, statistics)?;
                 let mut memory = memory();
                 if let Some(added) = self.shortcut(*shortcut) {
-                    let onto = Some((&kept.factors[..], added));
-                    kept.conv.end(context, conv, onto, (&mut memory, to));
+                    let (onto, target) = (Some((&kept.factors[..], added)), (&mut memory[..], to));
+                    let KeptConv { norm, .. } = &kept.conv;
+                    norm.apply(
+                        context.level,
+                        kept.conv.raw(),
+                        onto,
+                        target,
+                        conv.activation,
+                    );
                 }
                 (KeptLayer::Residual(Box::new(kept)), Some(memory))
             }
@@ -246,7 +253,8 @@ fn record<W: Real>(
     if let Some(norm) = &conv.norm {
         let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
         if let Some(target) = target {
-            kept.end(context, conv, None, target);
+            let (norm, raw) = (&kept.norm, kept.raw());
+            norm.apply(context.level, raw, None, target, conv.activation);
         }
         return Ok(Some(kept));
     }

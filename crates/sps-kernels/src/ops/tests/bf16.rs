@@ -5,7 +5,6 @@ use half::bf16;
 
 use super::super::bands::Threads;
 use super::super::batch_norm::{FrameSums, Norm, NormGradients, Slopes};
-use super::super::conv::ConvShape;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::pointwise::Shortcut;
 use super::super::pool::{max_pool, max_pool_backward};
@@ -23,35 +22,46 @@ fn rounded(values: &[f64]) -> Vec<f64> {
 /// What a number differs by once it is rounded to eight bits.
 const ROUNDING: f64 = 1.0 / 256.0;
 
-fn check(shape: ConvShape, size: [usize; 2]) {
-    let case = Case::of_image(shape, size);
-    let weights = rounded(&noise(case.weights(), 2));
-    // Sums of as many products as there are, each of at most 1, in f32.
-    let slack = 1e-6 * (case.weights() / shape.outputs) as f64;
-    let case = (&case, &shape.window);
-    check_sums::<Bf16Pair>(case, &weights, Activation::Relu, [ROUNDING, slack]);
+/// Convolutions of maps of such heights and widths.
+fn cases() -> Vec<Case> {
+    let point = Window::square(1, 1, 0);
+    let [square, jumping] = [1, 2].map(|stride| Window::square(3, stride, 1));
+    let mut cases = vec![
+        (shape(point, 64, 48, 1), [5, 7]),
+        (shape(point, 300, 32, 1), [1, 1]),
+        (shape(Window::square(1, 2, 0), 32, 64, 1), [7, 5]),
+        (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
+        (shape(square, 16, 80, 1), [6, 5]),
+        // By fewer products in inference.
+        (shape(square, 32, 48, 1), [11, 10]),
+        (shape(jumping, 40, 24, 1), [23, 20]),
+        // Columns that fill no vector.
+        (shape(point, 6, 10, 1), [3, 3]),
+        (shape(point, 300, 34, 1), [1, 1]),
+        (shape(square, 40, 40, 40), [7, 6]),
+        (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
+    ];
+    for window in [square, jumping] {
+        let groups = [
+            (128, 32, [9, 6]),
+            (64, 8, [6, 9]),
+            (64, 4, [5, 5]),
+            (64, 2, [4, 3]),
+        ];
+        cases.extend(groups.map(|(n, groups, size)| (shape(window, n, n, groups), size)));
+    }
+    let case = |(shape, size)| Case::of_image(shape, size);
+    cases.into_iter().map(case).collect()
 }
 
 #[test]
 fn convolutions() {
-    let point = Window::square(1, 1, 0);
-    let halving = Window::square(1, 2, 0);
-    let square = Window::square(3, 1, 1);
-    let jumping = Window::square(3, 2, 1);
-    check(shape(point, 64, 48, 1), [5, 7]);
-    check(shape(point, 300, 32, 1), [1, 1]);
-    check(shape(halving, 32, 64, 1), [7, 5]);
-    check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]);
-    check(shape(square, 16, 80, 1), [6, 5]);
-    // By fewer products in inference.
-    check(shape(square, 32, 48, 1), [11, 10]);
-    // Columns that fill no vector.
-    check(shape(point, 6, 10, 1), [3, 3]);
-    for window in [square, jumping] {
-        check(shape(window, 128, 128, 32), [9, 6]);
-        check(shape(window, 64, 64, 8), [6, 9]);
-        check(shape(window, 64, 64, 4), [5, 5]);
-        check(shape(window, 64, 64, 2), [4, 3]);
+    for case in cases() {
+        let weights = rounded(&noise(case.weights(), 2));
+        // Sums of as many products as there are, each of at most 1, in f32.
+        let slack = 1e-6 * (case.weights() / case.shape.outputs) as f64;
+        let border = (&case, &case.shape.window);
+        check_sums::<Bf16Pair>(border, &weights, Activation::Relu, [ROUNDING, slack]);
     }
 }
 
@@ -70,33 +80,11 @@ fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
 
 #[test]
 fn gradients_of_convolutions() {
-    let point = Window::square(1, 1, 0);
-    let halving = Window::square(1, 2, 0);
-    let square = Window::square(3, 1, 1);
-    let jumping = Window::square(3, 2, 1);
-    let cases = [
-        (shape(point, 64, 48, 1), [5, 7]),
-        (shape(point, 300, 34, 1), [1, 1]),
-        (shape(point, 6, 10, 1), [3, 3]),
-        (shape(halving, 32, 64, 1), [7, 5]),
-        (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
-        (shape(square, 16, 80, 1), [6, 5]),
-        (shape(square, 32, 48, 1), [11, 10]),
-        (shape(jumping, 40, 24, 1), [23, 20]),
-        (shape(square, 128, 128, 32), [9, 6]),
-        (shape(jumping, 64, 64, 8), [6, 9]),
-        (shape(square, 64, 64, 4), [5, 5]),
-        (shape(square, 40, 40, 40), [7, 6]),
-        (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
-    ];
-    for (shape, size) in cases {
-        let case = Case {
-            frames: 2,
-            ..Case::of_image(shape, size)
-        };
+    for case in cases() {
+        let (shape, case) = (case.shape, Case { frames: 2, ..case });
         let weights = narrow(&rounded(&noise(case.weights(), 1)));
         let [of_weights, input] = gradients(Level::detect(), &case, &weights, map::<f32>);
-        let products = 2 * size[0] * size[1];
+        let products = 2 * pixels(case.size);
         Level::on_each(|level| {
             let found = gradients(level, &case, &weights, map::<Bf16Pair>);
             for (found, expected) in found[0].iter().zip(&of_weights) {
@@ -272,26 +260,27 @@ fn matrices_are_rounded_as_numbers_are() {
 
 /// NaN stays in the maximum wherever it lies, with either sign, and numbers below 0 keep their order.
 #[test]
-fn the_larger_of_pairs() {
-    let window = Window::square(2, 2, 0);
-    let pool = |values: [f32; 4]| {
-        let (from, to) = (Grid::tight(1, [1, 2, 2], 2), Grid::tight(1, [1, 1, 1], 2));
-        let (from, to) = (from.of::<Bf16Pair>(), to.of::<Bf16Pair>());
-        let source = values.map(|x| Bf16Pair::of(|_| x));
-        let mut target = [Bf16Pair::default()];
-        let level = Level::detect();
-        let target_map = (&mut target[..], &to);
-        max_pool(Threads::One, level, &window, (&source, &from), target_map);
-        Bf16Pair::numbers(&target).collect::<Vec<_>>()
-    };
+fn the_largest_number() {
+    fn pool<W: Word>(level: Level, values: [f32; 4]) -> Vec<f32> {
+        let (from, to) = (Grid::tight(1, [1, 2, 2], 2), Grid::tight(1, [1; 3], 2));
+        let (from, to) = (from.of::<W>(), to.of::<W>());
+        let source: Vec<W> = laid_out(&values.map(|x| [f64::from(x); 2]).concat(), &from, 0.0);
+        let mut target = vec![W::default(); to.len()];
+        let (window, ends) = (Window::square(2, 2, 0), (&mut target[..], &to));
+        max_pool(Threads::One, level, &window, (&source, &from), ends);
+        W::numbers(&target).collect()
+    }
     Level::on_each(|level| {
-        assert_eq!(pool([-3.0, -1.0, -2.0, -4.0]), [-1.0; 2], "{level:?}");
-        for nan in [f32::NAN, -f32::NAN] {
-            for position in 0..4 {
-                let mut values = [1.0, f32::INFINITY, 0.0, -1.0];
-                values[position] = nan;
-                let found = pool(values);
-                assert!(found.iter().all(|x| x.is_nan()), "{level:?} {position}");
+        for pool in [pool::<f32>, pool::<Bf16Pair>] {
+            let largest = pool(level, [-3.0, -1.0, -2.0, -4.0]);
+            assert_eq!(largest, [-1.0; 2], "{level:?}");
+            for nan in [f32::NAN, -f32::NAN] {
+                for position in 0..4 {
+                    let mut values = [1.0, f32::INFINITY, 0.0, -1.0];
+                    values[position] = nan;
+                    let found = pool(level, values);
+                    assert!(found.iter().all(|x| x.is_nan()), "{level:?} {position}");
+                }
             }
         }
     });

@@ -10,20 +10,13 @@ use super::super::product::{Columns, Epilogue};
 use super::super::simd::{Kernel, Lanes, Level};
 use super::super::words::{Bytes, Word};
 use super::conv::Case;
-use super::{check_pooling_and_means, convolved, inside, narrow, noise, shape};
-
-/// Whole numbers of `least` to `most`, both among them.
-fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
-    let (middle, reach) = (f64::midpoint(least, most), (most - least) / 2.0 + 0.5);
-    let number = |x: f64| (middle + reach * x).round().clamp(least, most);
-    noise(len, seed).into_iter().map(number).collect()
-}
+use super::{check_pooling_and_means, convolved, inside, narrow, noise, shape, whole};
 
 /// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
 fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
     let case = Case::of_image(shape, size);
-    let values = whole(case.numbers(), seed, 0.0, 255.0);
-    let mut weights = whole(case.weights(), seed + 1, -127.0, 127.0);
+    let values = whole(case.numbers(), seed, [0.0, 255.0]);
+    let mut weights = whole(case.weights(), seed + 1, [-127.0, 127.0]);
     // A channel of nothing but zeros.
     weights[..case.weights() / shape.outputs].fill(0.0);
     let padding = 77.0;
@@ -40,7 +33,7 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
         let wider = Window::square(9, 1, 4);
         let from = case.from::<Bytes>().enclosing(&shape.window);
         let (from, to) = (from.enclosing(&wider), case.to::<Bytes>());
-        let before = whole(sums.len(), seed + 4, 0.0, 255.0);
+        let before = whole(sums.len(), seed + 4, [0.0, 255.0]);
         for (accumulate, limits) in [(None, [0.0, 255.0]), (Some(0.37), [13.0, 201.5])] {
             let epilogue = Epilogue {
                 scale: Some(Columns::shared(&factors)),
@@ -159,7 +152,7 @@ fn a_sum_without_instructions_for_bytes() {
                 .collect()
         }
     }
-    let (mut x, mut y) = (whole(256, 1, 0.0, 255.0), whole(256, 2, -128.0, 127.0));
+    let (mut x, mut y) = (whole(256, 1, [0.0, 255.0]), whole(256, 2, [-128.0, 127.0]));
     x[..8].fill(255.0);
     y[..4].fill(127.0);
     y[4..8].fill(-128.0);
@@ -174,7 +167,7 @@ fn a_sum_without_instructions_for_bytes() {
 /// Neither rounds.
 #[test]
 fn pooling_and_means() {
-    let values = whole(7 * 6 * 32, 5, 0.0, 255.0);
+    let values = whole(7 * 6 * 32, 5, [0.0, 255.0]);
     check_pooling_and_means::<Bytes>(&values, |found, mean| found == mean as f32);
 }
 

@@ -1,8 +1,8 @@
 use super::{check, distance, narrow, noise, shape, wide};
-use crate::Convolution;
 use crate::ops::conv::ConvShape;
 use crate::ops::grid::{Grid, Window, pixels};
 use crate::ops::words::Word;
+use crate::{Convolution, MaxPooling};
 
 #[derive(Clone, Copy)]
 pub(super) struct Case {
@@ -37,6 +37,11 @@ impl Case {
     /// The layout of the input, without padding.
     pub(super) fn from<W: Word>(&self) -> Grid {
         Grid::tight(self.frames, self.size, self.shape.inputs).of::<W>()
+    }
+
+    /// The same with the padding of its window.
+    pub(super) fn padded<W: Word>(&self) -> Grid {
+        self.from::<W>().padded(&self.shape.window)
     }
 
     /// The layout of the output.
@@ -109,12 +114,8 @@ impl Case {
 
     /// As [`taps`].
     fn taps(&self) -> Vec<(usize, usize, Option<usize>)> {
-        taps(
-            self.frames,
-            self.size,
-            &self.shape.window,
-            self.to::<f32>().size,
-        )
+        let to = self.to::<f32>().size;
+        taps(self.frames, self.size, &self.shape.window, to)
     }
 
     fn check(&self, name: &str) {
@@ -239,4 +240,48 @@ fn shapes_that_do_not_fit_are_refused() {
     assert!(convolution.forward(&x[1..], &weight).is_err());
     assert!(convolution.forward(&x, &weight[1..]).is_err());
     assert!(convolution.backward(&x, &weight, &y[1..]).is_err());
+}
+
+#[test]
+fn windows_without_extent_are_refused() {
+    let conv = |window| Convolution::new(1, image(4, 4), shape(window, 2, 2, 1));
+    let sound = Window::square(3, 1, 1);
+    let with = |change: fn(&mut Window)| {
+        let mut window = sound;
+        change(&mut window);
+        window
+    };
+    for window in [
+        Window::square(3, 0, 1),
+        with(|w| w.stride = [0, 1, 1]),
+        with(|w| w.stride[1] = usize::MAX),
+        with(|w| w.size[2] = 0),
+        with(|w| w.size = [usize::MAX; 3]),
+        with(|w| w.before[1] = usize::MAX),
+        with(|w| w.after[2] = usize::MAX),
+        with(|w| w.before[2] = 3),
+        Window::same([1, 3, 3], [0; 3], [1, 4, 4]),
+        Window::same([usize::MAX; 3], [1; 3], [4; 3]),
+    ] {
+        let error = conv(window).unwrap_err().to_string();
+        let found = "convolution: found 1 frames of [1, 4, 4]";
+        assert!(error.starts_with(found), "{error}");
+        for ceil in [false, true] {
+            let error = MaxPooling::new(1, image(4, 4), 2, window, ceil).unwrap_err();
+            let found = "max pooling: found 1 frames of [1, 4, 4]";
+            assert!(error.to_string().starts_with(found), "{error}");
+        }
+    }
+    assert!(conv(sound).is_ok());
+}
+
+/// Two frames of 2.5 billion words each: the second begins where 32 bits no longer reach.
+#[test]
+fn feature_maps_beyond_32_bits() {
+    let grid = Grid::tight(2, [1, 50_000, 50_000], 1);
+    let starts = grid.steps(0..2, [0; 3], [1, 1, 3], [1, 1, 7]);
+    let second = [2_500_000_000, 2_500_000_007, 2_500_000_014];
+    assert_eq!(starts, [[0, 7, 14], second].concat());
+    let far = Grid::tight(3, [1, 50_000, 50_000], 1).steps(0..3, [0; 3], [1; 3], [1; 3]);
+    assert_eq!(far, [0, 2_500_000_000, 5_000_000_000]);
 }

@@ -14,12 +14,8 @@ fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f
     let case = Case::new(1, size, [channels; 3], window);
     let weights = noise(case.weights(), 2).into_iter().map(|w| 3.0 * w);
     let (weights, wider) = (weights.collect::<Vec<_>>(), Window::square(9, 1, 4));
-    check_sums::<W>(
-        (&case, &wider),
-        &weights,
-        Activation::Relu6,
-        [rounding, 1e-5],
-    );
+    let (border, bounds) = ((&case, &wider), [rounding, 1e-5]);
+    check_sums::<W>(border, &weights, Activation::Relu6, bounds);
 }
 
 #[test]

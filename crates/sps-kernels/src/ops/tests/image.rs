@@ -1,7 +1,7 @@
 //! Convolutions of images against their definition: windows that begin within words, at every stride.
 
 use super::conv::Case;
-use super::{distance, inside, laid_out, narrow, noise, wide};
+use super::{distance, inside, laid_out, narrow, whole, wide};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::conv::Conv;
 use crate::ops::conv_weight::weight_gradient_of_images;
@@ -30,12 +30,6 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Whole numbers, which words of every kind hold, from `least` on.
-fn whole(len: usize, seed: u64, least: f64) -> Vec<f64> {
-    let unit = noise(len, seed).into_iter().map(|x| 2.0 * (x + 1.0));
-    unit.map(|x| x.floor() + least).collect()
-}
-
 /// Images in memory, around which lie zeros.
 fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
     let grid = Grid::tight(case.frames, case.size, 3).padded(&case.shape.window);
@@ -56,12 +50,12 @@ fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
 }
 
 fn weights(case: &Case) -> Vec<f64> {
-    whole(case.weights(), 2, -2.0)
+    whole(case.weights(), 2, [-2.0, 1.0])
 }
 
 fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f64> {
     let weights = narrow(&weights(case));
-    let values = whole(case.numbers(), 1, 0.0);
+    let values = whole(case.numbers(), 1, [0.0, 3.0]);
     let (source, from) = images::<W>(case, &values);
     let conv = Conv::<W>::pack_for_images(level, case.shape, &weights);
     let to = case.to::<W>().padded(&Window::square(3, 1, 1));
@@ -78,7 +72,7 @@ fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f64> {
 #[test]
 fn sums_are_those_of_the_definition() {
     for case in cases() {
-        let x = whole(case.numbers(), 1, 0.0);
+        let x = whole(case.numbers(), 1, [0.0, 3.0]);
         let expected = case.reference(&x, &weights(&case));
         Level::on_each(|level| {
             for threads in [Threads::One, Threads::All] {
@@ -114,8 +108,8 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
         wide(&target)
     }
     for case in cases() {
-        let x = whole(case.numbers(), 1, 0.0);
-        let cotangent = whole(case.to::<f32>().len(), 3, -2.0);
+        let x = whole(case.numbers(), 1, [0.0, 3.0]);
+        let cotangent = whole(case.to::<f32>().len(), 3, [-2.0, 1.0]);
         let expected = case.weight_gradient(&x, &cotangent);
         Level::on_each(|level| {
             for found in [

@@ -13,7 +13,6 @@ mod others;
 mod split;
 mod threads;
 pub(super) mod tiles;
-mod windows;
 mod winograd;
 
 use super::bands::Threads;
@@ -54,6 +53,13 @@ fn noise(len: usize, seed: u64) -> Vec<f64> {
         ((state >> 44) as f64) / f64::from(1 << 19) - 1.0
     });
     numbers.collect()
+}
+
+/// Whole numbers of `least` to `most`, both among them.
+fn whole(len: usize, seed: u64, [least, most]: [f64; 2]) -> Vec<f64> {
+    let (middle, reach) = (f64::midpoint(least, most), (most - least) / 2.0 + 0.5);
+    let number = |x: f64| (middle + reach * x).round().clamp(least, most);
+    noise(len, seed).into_iter().map(number).collect()
 }
 
 /// Works in a pool of so many threads.
@@ -116,11 +122,8 @@ fn check_sums<W: Word>(
     activation: Activation,
     [rounding, slack]: [f64; 2],
 ) {
-    let (shape, from, to) = (
-        case.shape,
-        case.from::<W>().enclosing(border),
-        case.to::<W>(),
-    );
+    let (shape, to) = (case.shape, case.to::<W>());
+    let from = case.from::<W>().enclosing(border);
     let values = rounded::<W>(&noise(case.numbers(), 1));
     let sums = case.reference(&values, weights);
     let before = rounded::<W>(&noise(sums.len(), 4));

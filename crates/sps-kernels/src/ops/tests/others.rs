@@ -78,16 +78,6 @@ fn equal_values_give_their_gradient_once() {
     );
 }
 
-#[test]
-fn a_value_that_is_no_number_stays_in_the_maximum() {
-    let pooling = MaxPooling::new(1, [1, 2, 2], 1, Window::square(2, 2, 0), false).unwrap();
-    for position in 0..4 {
-        let mut values = [1.0_f32; 4];
-        values[position] = f32::NAN;
-        assert!(pooling.forward(&values).unwrap()[0].is_nan(), "{position}");
-    }
-}
-
 const EPS: f64 = 1e-5;
 
 /// A feature map `(frames, [time,] height, width, channels)` by the batch's own statistics, rectified where `relu`

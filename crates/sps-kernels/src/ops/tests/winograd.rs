@@ -33,15 +33,23 @@ fn cases() -> Vec<Case> {
 
 /// What a convolution for inference writes onto what is there.
 fn written(case: &Case, threads: Threads, epilogue: Epilogue<'_>) -> Vec<f64> {
+    let (x, to) = (noise(case.numbers(), 1), case.to::<f32>());
+    let before = noise(to.len(), 3);
+    written_from(case, threads, &x, (&before, &to.staggered()), epilogue)
+}
+
+/// The same of a map that is given.
+fn written_from(
+    case: &Case,
+    threads: Threads,
+    x: &[f64],
+    target: (&[f64], &Grid),
+    epilogue: Epilogue<'_>,
+) -> Vec<f64> {
     let weights = narrow(&noise(case.weights(), 2));
     let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape, &weights);
-    let (from, to) = (
-        case.from::<f32>().padded(&case.shape.window),
-        case.to::<f32>(),
-    );
-    let (x, before) = (noise(case.numbers(), 1), noise(to.len(), 3));
-    let to = to.staggered();
-    convolved((&conv, threads), (&x, &from, 0.0), (&before, &to), epilogue)
+    let source = (x, &case.padded::<f32>(), 0.0);
+    convolved((&conv, threads), source, target, epilogue)
 }
 
 #[test]
@@ -152,7 +160,7 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
         let x = noise(case.numbers(), 1);
         let cotangent = noise(case.to::<f32>().len(), 6);
         let expected = case.weight_gradient(&x, &cotangent);
-        let from = case.from::<f32>().padded(&case.shape.window);
+        let from = case.padded::<f32>();
         let to = Grid {
             before: [0, 1, 2],
             ..case.to::<f32>()
@@ -182,17 +190,9 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
 #[test]
 fn a_bright_pixel_is_felt_in_its_tiles_alone() {
     for case in cases() {
-        let (from, to) = (
-            case.from::<f32>().padded(&case.shape.window),
-            case.to::<f32>(),
-        );
-        let weights = narrow(&noise(case.weights(), 2));
-        let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape, &weights);
-        let dark = noise(case.numbers(), 1);
-        let run = |values: &[f64]| {
-            let (conv, source) = ((&conv, Threads::All), (values, &from, 0.0));
-            convolved(conv, source, (&[], &to), Epilogue::default())
-        };
+        let (to, dark) = (case.to::<f32>(), noise(case.numbers(), 1));
+        let epilogue = Epilogue::default();
+        let run = |x: &[f64]| written_from(&case, Threads::All, x, (&[], &to), epilogue);
         let mut bright = dark.clone();
         bright[..case.shape.inputs].fill(1e8);
         let (dark, bright) = (run(&dark), run(&bright));

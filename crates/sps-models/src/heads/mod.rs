@@ -75,7 +75,7 @@ pub trait Observer: Sync {
     }
 
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
-    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`](crate::Error::Stopped).
+    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`].
     fn stops(&self) -> bool {
         false
     }

@@ -50,14 +50,17 @@ impl Samples {
     ) -> Result<Frame, FrameErrorKind> {
         let from = self.extent;
         let to = shorter_side.map_or(Ok(from), |pixels| from.resized(pixels))?;
-        let read = |y: usize, row: &mut [f32]| self.read_row(y, background, row);
         if to != from {
-            return Ok(resample(from, to, read));
+            return Ok(resample(from, to, |y, row| {
+                self.read_row(y, background, row);
+            }));
         }
         let Extent { width, height } = from;
-        let mut data = vec![0.0; 3 * width * height];
-        for (y, row) in data.chunks_exact_mut(3 * width).enumerate() {
-            read(y, row);
+        let mut data = Vec::with_capacity(3 * width * height);
+        let mut row = vec![0.0; 3 * width];
+        for y in 0..height {
+            self.read_row(y, background, &mut row);
+            data.extend_from_slice(&row);
         }
         Ok(Frame {
             width,

@@ -53,6 +53,14 @@ impl DatasetError {
         &self.path
     }
 
+    /// The line of the file, from 1, where it was found in one.
+    pub fn line(&self) -> Option<u64> {
+        match self.place {
+            Place::Line(line) => Some(line),
+            Place::File | Place::Key(_) => None,
+        }
+    }
+
     /// Why.
     pub fn kind(&self) -> &DatasetErrorKind {
         &self.kind

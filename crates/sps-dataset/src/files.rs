@@ -7,7 +7,8 @@ use std::path::Path;
 use crate::error::{Fault, Place};
 use crate::{DatasetError, DatasetErrorKind};
 
-/// The bytes of a file of at most `limit` bytes; `too_large` makes the error of so many more.
+/// The bytes of a file of at most `limit` bytes. `too_large` makes the error from the size that was
+/// found.
 pub(crate) fn read_bytes<E: From<io::Error>>(
     path: &Path,
     limit: u64,

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 /// ```
 ///
 /// Both variances in the quotient are estimated without bias; the plain share of the sum of squares
-/// between group means is one half on average where pairs mean nothing.
+/// between group means is biased: with pairs formed at random it is one half on average.
 ///
 /// `None` with fewer than two groups, where every group has one value, and where all values are
 /// equal.

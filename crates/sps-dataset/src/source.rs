@@ -170,6 +170,31 @@ pub fn nearest_view(views: &[RollAngle], angle: RollAngle) -> Option<usize> {
 /// Decodes or renders the given frames in parallel; the result is in the order asked for, whatever
 /// the number of threads.
 ///
+/// ```
+/// use sps_dataset::{
+///     DatasetFolder, FrameIndex, ReadSettings, RollAngle, Source, SplitPlan, TactileSettings,
+///     decode_frames,
+/// };
+///
+/// # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/tiny-dataset").as_ref();
+/// let dataset = DatasetFolder::open(folder, &ReadSettings::default())?;
+///
+/// // The view that looks straight down, of every surface that is kept aside.
+/// let nadir = dataset.nearest_view(RollAngle::NADIR).ok_or("no view")?;
+/// let split = SplitPlan::default().splits(dataset.surfaces(), 1, 0)?.remove(0);
+/// let wanted: Vec<_> =
+///     split.validation.iter().map(|&surface| FrameIndex { surface, view: nadir }).collect();
+/// let frames = decode_frames(&dataset, &wanted)?;
+///
+/// // What was felt on them.
+/// let averages = dataset.tactile().averages(&TactileSettings::default(), dataset.surfaces().len());
+/// for (index, frame) in wanted.iter().zip(&frames) {
+///     let friction = averages.value(index.surface, "fRS");
+///     println!("{} x {}: {friction:?}", frame.width, frame.height);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// That of the first frame, in the order asked for, that failed.
 pub fn decode_frames(

@@ -67,8 +67,15 @@ pub enum WriteErrorKind {
     #[error("{0}")]
     Unsuitable(String),
     /// The source could not give a frame.
-    #[error("{0}")]
-    Frame(String),
+    #[error("view {view} of surface `{surface}` cannot be had: {error}")]
+    Frame {
+        /// The surface.
+        surface: String,
+        /// The view.
+        view: usize,
+        /// What the source says.
+        error: SourceError,
+    },
 }
 
 impl WriteError {
@@ -302,7 +309,7 @@ impl Writer<'_> {
     /// Differs whenever anything that is to be written does.
     fn plan(&self, files: &Files) -> Result<String, WriteError> {
         let key = self.source.frame_key(0, 0);
-        let key = key.map_err(|error| self.no_frame(0, 0, &error))?;
+        let key = key.map_err(|error| self.no_frame(0, 0, error))?;
         let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 write plan 2");
         hasher.update(&key);
         hasher.update(self.options.format.extension().as_bytes());
@@ -338,7 +345,7 @@ impl Writer<'_> {
                 let error = |kind| WriteError::new(&path, kind);
                 let bytes = self
                     .encoded(surface, view)
-                    .map_err(|refused| self.no_frame(surface, view, &refused))?
+                    .map_err(|refused| self.no_frame(surface, view, refused))?
                     .map_err(|refused| error(WriteErrorKind::Unsuitable(refused.to_string())))?;
                 write_new(&path, &bytes).map_err(|refused| error(refused.into()))
             })
@@ -363,9 +370,12 @@ impl Writer<'_> {
         Ok(format.encode(&self.source.frame(surface, view)?))
     }
 
-    fn no_frame(&self, surface: usize, view: usize, error: &SourceError) -> WriteError {
-        let surface = &self.source.surfaces()[surface].id;
-        let text = format!("view {view} of surface `{surface}` cannot be had: {error}");
-        WriteError::new(self.folder, WriteErrorKind::Frame(text))
+    fn no_frame(&self, surface: usize, view: usize, error: SourceError) -> WriteError {
+        let kind = WriteErrorKind::Frame {
+            surface: self.source.surfaces()[surface].id.clone(),
+            view,
+            error,
+        };
+        WriteError::new(self.folder, kind)
     }
 }

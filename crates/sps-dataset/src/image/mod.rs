@@ -81,10 +81,9 @@ pub fn decode_image(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, 
     decode_image_resized(bytes, settings, None)
 }
 
-/// Decodes an image as [`decode_image`] does and brings its shorter side, once it stands upright, to
-/// so many pixels, if to any, as [`Frame::resized`] does, with the same values. The photograph as a
-/// frame, 12 bytes a pixel, is then never there, but for EXR. [`Decoded::light`] counts samples of
-/// the photograph.
+/// Decodes an image as [`decode_image`] does. If `shorter_side` is given, resizes the upright image
+/// to it as [`Frame::resized`] does, with the same values. The photograph as a frame, 12 bytes a
+/// pixel, is then never there, but for EXR. [`Decoded::light`] counts samples of the photograph.
 ///
 /// # Errors
 /// As [`decode_image`], and where the result would be as large as [`Frame::resized`] refuses.
@@ -130,8 +129,8 @@ pub fn read_image(path: &Path, settings: &DecodeSettings) -> Result<Decoded, Fra
     read_image_resized(path, settings, None)
 }
 
-/// Reads and decodes one image file and brings its shorter side to so many pixels, if to any; see
-/// [`decode_image_resized`].
+/// Reads and decodes one image file. If `shorter_side` is given, resizes the upright image to it as
+/// [`Frame::resized`] does; see [`decode_image_resized`].
 ///
 /// # Errors
 /// As [`decode_image_resized`], and where the file cannot be read.

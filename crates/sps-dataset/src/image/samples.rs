@@ -40,9 +40,9 @@ impl Samples {
     }
 
     /// The frame: the largest sample becomes 1, grey fills all three channels, and transparent
-    /// pixels show `background`, mixed in the display-referred values as browsers do. Its shorter
-    /// side is brought to so many pixels, if to any, as [`Frame::resized`] does, without the whole of
-    /// it ever being there.
+    /// pixels show `background`, mixed in the display-referred values as browsers do. If
+    /// `shorter_side` is given, resizes the upright image to it as [`Frame::resized`] does, without
+    /// the whole of it ever being there.
     pub(super) fn to_frame(
         &self,
         shorter_side: Option<usize>,

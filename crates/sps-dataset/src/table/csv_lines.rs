@@ -25,7 +25,10 @@ pub(crate) fn csv_lines(bytes: &[u8]) -> Result<(Line, Vec<Line>), Fault> {
         .from_reader(text.as_bytes());
     let mut lines = Vec::new();
     for record in reader.records() {
-        let cells = record.map_err(|error| DatasetErrorKind::malformed("CSV", error))?;
+        let cells = record.map_err(|error| {
+            let line = error.position().map_or(1, csv::Position::line);
+            DatasetErrorKind::malformed("CSV", error).at(Place::Line(line))
+        })?;
         let position = cells.position();
         let number = position.map_or(1, |position| line_number(text, position));
         if cells.iter().any(|cell| !cell.is_empty()) {
@@ -83,7 +86,8 @@ impl Line {
         self.unexpected_header(&found, &format!("a column `{name}`"))
     }
 
-    /// The properties that this header names, but for some columns and for names to be ignored.
+    /// The properties that this header names. Leaves out the columns `others` and the names in
+    /// `ignored`.
     pub(super) fn properties(
         &self,
         others: &[usize],

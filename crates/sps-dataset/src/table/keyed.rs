@@ -59,11 +59,13 @@ impl<'a> KeyedTable<'a> {
     }
 
     pub(super) fn finish(self, columns: Vec<Property>) -> Result<RawTable, Fault> {
-        let restore = if self.names.restore {
-            Some([
-                self.complete(&self.names.mean)?,
-                self.complete(&self.names.std)?,
-            ])
+        let Statistics { mean, std, restore } = self.names;
+        let restore = if *restore {
+            if mean == std {
+                let found = format!("`{mean}` as mean and std");
+                return Err(unexpected_statistics(&found, "two names").into());
+            }
+            Some([self.complete(mean)?, self.complete(std)?])
         } else {
             None
         };

@@ -113,8 +113,9 @@ impl Item {
             "U" | "S" => (1..=4096).contains(&width),
             _ => false,
         };
-        if known && ["<", ">", "|"].contains(&order) {
-            let (kind, big_endian) = (kind.as_bytes()[0], order == ">");
+        if known && ["<", ">", "=", "|"].contains(&order) {
+            let kind = kind.as_bytes()[0];
+            let big_endian = order == ">" || (order == "=" && cfg!(target_endian = "big"));
             return Ok(Self {
                 kind,
                 width,

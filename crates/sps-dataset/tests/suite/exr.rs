@@ -33,7 +33,7 @@ fn every_lossless_compression_and_type() {
             assert_eq!(light, LightCounts::default(), "{file}");
         }
     }
-    // Tiles at full resolution only.
+    // Of `mipmap` and `ripmap`, the full resolution.
     for file in "mixed decreasing offset tiled mipmap ripmap".split(' ') {
         shows(file, EXACT, rgb);
     }

@@ -2,7 +2,7 @@
 
 use crate::common::data;
 use crate::made::{Made, cases};
-use sps_dataset::{DatasetFolder, ReadSettings, Source};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, read_npy};
 
 fn npz(settings: &str, archive: &str) -> Made {
     let tactile = format!("[tactile.npz]\nproperty-order = [\"fRS\", \"cDF\"]\n{settings}");
@@ -31,6 +31,16 @@ fn every_dtype_and_both_orders() {
     check("u1", &npz("", "keyed-u1"), 6, 200);
     check("repeats", &npz("", "keyed-repeats"), 3, u32::MAX);
     check("single", &npz("", "keyed-single"), 1, u32::MAX);
+}
+
+/// NumPy itself writes `<` or `>` for it.
+#[test]
+fn a_dtype_in_native_order() {
+    let header = "{'descr': '=f8', 'fortran_order': False, 'shape': (2,), }\n";
+    let length = (header.len() as u16).to_le_bytes();
+    let numbers = [1.5_f64, -2.0].map(f64::to_ne_bytes).concat();
+    let array = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), &numbers].concat();
+    assert_eq!(read_npy(&array, 2), Ok((vec![2], vec![1.5, -2.0])));
 }
 
 #[test]

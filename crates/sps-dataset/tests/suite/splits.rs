@@ -1,5 +1,7 @@
 //! How surfaces are split: as a config says it, fairly, and never taking apart what belongs together.
 
+use std::collections::HashSet;
+
 use proptest::prelude::*;
 use proptest::sample::select;
 use sps_dataset::{
@@ -115,12 +117,12 @@ fn leave_one_group_out_holds_each_group_out_once() {
     assert_eq!(aside(splits), [vec![0, 2], vec![1], vec![3]]);
 }
 
-/// Every index of `among` is on one side, and no unit on both.
-fn whole(split: &Split, units: &Units, among: &[usize]) -> Result<(), TestCaseError> {
+/// Every index of `among` is on one side, and no unit on both; `of` has the unit of each surface.
+fn whole(split: &Split, of: &[usize], among: &[usize]) -> Result<(), TestCaseError> {
     let mut both = [&split.train[..], &split.validation].concat();
     both.sort_unstable();
     prop_assert_eq!(both, among);
-    let unit = |&surface: &usize| units.of_surface()[surface];
+    let unit = |&surface: &usize| of[surface];
     for kept in split.train.iter().map(unit) {
         prop_assert!(split.validation.iter().map(unit).all(|aside| aside != kept));
     }
@@ -137,15 +139,20 @@ proptest! {
         (seed, rerun) in any::<(u64, u64)>(),
     ) {
         let (all, surfaces): (Vec<usize>, _) = ((0..groups.len()).collect(), of_groups(&groups));
+        let of = if by == SURFACE { &all } else { &groups };
+        let several = groups.iter().collect::<HashSet<_>>().len() < groups.len();
+        let by_group = by == GROUP || (by.is_none() && several);
+        let unit = if by_group { Unit::Group } else { Unit::Surface };
         let plans = [(random(share, by), 2), (k_fold(folds, by), folds), (leave_one_out(by), 2)];
         for (plan, fewest) in plans {
             let units = plan.units(&surfaces);
+            prop_assert_eq!(units.unit(), unit);
             let Ok(splits) = plan.splits(&surfaces, seed, rerun) else {
                 prop_assert!(units.count() < fewest);
                 continue;
             };
             for split in &splits {
-                whole(split, &units, &all)?;
+                whole(split, of, &all)?;
                 prop_assert!(!split.train.is_empty() && !split.validation.is_empty());
             }
             let parts = splits.len();
@@ -180,12 +187,12 @@ proptest! {
         let units = leave_one_out(by).units(&of_groups(&groups));
         let some: Vec<usize> = (0..groups.len()).filter(|&i| chosen[i]).collect();
         if let Ok(split) = units.keep_aside(&some, share, seed, "part", index) {
-            whole(&split, &units, &some)?;
+            whole(&split, &groups, &some)?;
         }
         for splits in [units.folds(&some, folds, seed, "part", index), units.each_aside(&some)] {
             let Ok(splits) = splits else { continue };
             for split in &splits {
-                whole(split, &units, &some)?;
+                whole(split, &groups, &some)?;
             }
             let mut aside = aside(splits).concat();
             aside.sort_unstable();

@@ -79,7 +79,9 @@ fn long_csv_errors_name_line_found_and_expected() {
     assert_eq!(long("").refusal(), nothing);
     let binary = b"surface,location,repeat,fRS,cDF\na,0,0,\xff,1\n";
     let expected = "tactile.csv, line 2: is not valid CSV: it has bytes that are not UTF-8 text";
-    assert_eq!(Made::new("", "tactile.csv", binary).refusal(), expected);
+    let made = Made::new("", "tactile.csv", binary);
+    assert_eq!(made.refusal(), expected);
+    assert_eq!(made.open().unwrap_err().line(), Some(2));
 }
 
 const WIDE_ORDERED: &str = "[tactile.wide-csv]\nproperty-order = [\"cDF\", \"fRS\"]\n";
@@ -147,6 +149,15 @@ fn statistics_are_no_surfaces_and_restore_only_when_told() {
     );
     let gap = "tactile.csv, line 2: the file's own statistics: found a missing";
     assert!(refusal("mean,40,\nstd,1,1\n").starts_with(gap));
+    let one_name = format!("{restore}\nstatistics.mean = \"m\"\nstatistics.std = \"m\"");
+    let one_name = Made::new(
+        &one_name,
+        "tactile.csv",
+        "surface,fRS,cDF\na,-1,2\nm,40,30\n",
+    );
+    let expected =
+        "tactile.csv: the file's own statistics: found `m` as mean and std, expected two names";
+    assert_eq!(one_name.refusal(), expected);
 }
 
 fn json(settings: &str, document: &str) -> Made {

@@ -184,7 +184,10 @@ fn light_is_kept_by_exr_and_shown_by_png() {
 fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
     let folder = TempDir::new().unwrap();
     let stopped = write_png(&Counted::new(14), folder.path()).unwrap_err();
-    assert!(matches!(stopped.kind(), WriteErrorKind::Frame(_)));
+    let WriteErrorKind::Frame { error, .. } = stopped.kind() else {
+        panic!("{stopped}");
+    };
+    assert!(error.is::<LampOut>());
     assert!(stopped.to_string().ends_with("the lamp went out"));
     assert!(!folder.path().join("dataset.toml").exists());
     let finished = entries(&folder.path().join("frames"));

@@ -42,6 +42,8 @@ impl Adam {
 
 #[cfg(test)]
 mod tests {
+    use safetensors::Dtype;
+
     use super::*;
     use crate::golden::golden;
     use crate::uniform::uniform;
@@ -57,7 +59,8 @@ mod tests {
 
     #[test]
     fn ten_steps_match_pytorch() {
-        let mut expected = golden("adam", "params").map(f64::from_le_bytes);
+        let expected = golden("adam", "params", Dtype::F64, &[10, 5, 3]);
+        let mut expected = expected.into_iter().map(f64::from_le_bytes);
         let mut parameters = image("golden/adam.param");
         let mut adam = Adam::new(PARAMETERS, 1e-2);
         for step in 0..10 {

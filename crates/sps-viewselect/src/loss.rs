@@ -1,5 +1,7 @@
 //! The one question that a selector asks: the loss of a set of views.
 
+use std::fmt;
+
 use crate::sets::Sets;
 
 /// What a [`SetLoss`] may fail with.
@@ -75,6 +77,16 @@ impl<F: Fn(&[usize]) -> f64 + Sync> SetFunction<F> {
             picks,
             function,
         }
+    }
+}
+
+impl<F> fmt::Debug for SetFunction<F> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("SetFunction")
+            .field("views", &self.views)
+            .field("picks", &self.picks)
+            .finish_non_exhaustive()
     }
 }
 

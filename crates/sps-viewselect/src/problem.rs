@@ -1,5 +1,7 @@
 //! What is to be selected, checked once.
 
+use std::fmt;
+
 use crate::error::SelectError;
 use crate::loss::SetLoss;
 use crate::selection::Selection;
@@ -83,6 +85,18 @@ impl<'a> Problem<'a> {
     }
 }
 
+impl fmt::Debug for Problem<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("Problem")
+            .field("views", &self.views)
+            .field("picks", &self.picks)
+            .field("distinct", &self.distinct)
+            .field("seed", &self.seed)
+            .finish_non_exhaustive()
+    }
+}
+
 /// Refuses sets that cannot be.
 pub(crate) fn check_sizes(views: usize, picks: usize) -> Result<(), SelectError> {
     match (views, picks) {
@@ -94,6 +108,41 @@ pub(crate) fn check_sizes(views: usize, picks: usize) -> Result<(), SelectError>
 }
 
 /// A way to select views; also one that is not of this crate.
+///
+/// ```
+/// use std::time::Instant;
+///
+/// use sps_viewselect::{CurvePoint, Problem, SelectError, Selection, Selector, SetFunction, Sets};
+///
+/// /// The first views there are.
+/// struct First;
+///
+/// impl Selector for First {
+///     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
+///         let start = Instant::now();
+///         let picks: Vec<usize> = (0..problem.picks()).collect();
+///         let mut loss = [0.0];
+///         let sets = Sets::new(&picks, problem.picks())?;
+///         problem.loss().losses(sets, &mut loss).map_err(|source| SelectError::Loss {
+///             sets: 1,
+///             first: picks.clone(),
+///             source,
+///         })?;
+///         Ok(Selection {
+///             picks,
+///             loss: loss[0],
+///             curve: vec![CurvePoint { evaluations: 1, mean: loss[0], best: loss[0] }],
+///             evaluations: 1,
+///             computed: 1,
+///             seconds: start.elapsed().as_secs_f64(),
+///         })
+///     }
+/// }
+///
+/// let loss = SetFunction::new(9, 2, |set: &[usize]| (set[0] + set[1]) as f64);
+/// assert_eq!(First.select(&Problem::new(&loss)?)?.loss, 1.0);
+/// # Ok::<(), SelectError>(())
+/// ```
 pub trait Selector: Send + Sync {
     /// Selects one set of views. The same problem and seed give the same picks, whatever the number
     /// of threads.

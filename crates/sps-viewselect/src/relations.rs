@@ -120,11 +120,9 @@ impl RelationSampler {
 }
 
 fn groups(views: usize, scale: usize, count: usize, stream: &mut Stream) -> Vec<Vec<usize>> {
-    let first: Vec<usize> = (0..scale).collect();
-    let all = successors(Some(first), |group| next(group, views));
-    let few: Vec<_> = all.take(count.saturating_add(1)).collect();
-    if few.len() <= count {
-        return few;
+    if combinations(views, scale) <= count as u128 {
+        let first: Vec<usize> = (0..scale).collect();
+        return successors(Some(first), |group| next(group, views)).collect();
     }
     let mut groups: Vec<Vec<usize>> = Vec::with_capacity(count);
     while groups.len() < count {
@@ -135,6 +133,15 @@ fn groups(views: usize, scale: usize, count: usize, stream: &mut Stream) -> Vec<
         }
     }
     groups
+}
+
+/// N over d, or as much as fits.
+fn combinations(views: usize, scale: usize) -> u128 {
+    let scale = scale.min(views - scale);
+    (0..scale).fold(1_u128, |count, taken| {
+        // Whole at every step: a product of k consecutive numbers is a multiple of k!.
+        count.saturating_mul((views - taken) as u128) / (taken as u128 + 1)
+    })
 }
 
 /// The next group in lexicographic order.

@@ -1,6 +1,7 @@
 //! Losses that are computed once.
 
 use std::collections::{HashMap, HashSet};
+use std::fmt;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::loss::LossError;
@@ -65,6 +66,12 @@ impl<L: SharedLoss> Remembered<L> {
             }
         }
         unknown
+    }
+}
+
+impl<L> fmt::Debug for Remembered<L> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Remembered").finish_non_exhaustive()
     }
 }
 

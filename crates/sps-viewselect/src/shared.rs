@@ -1,5 +1,7 @@
 //! The losses of several properties at once, and one that is drawn towards their mean.
 
+use std::fmt;
+
 use crate::error::{SelectError, require};
 use crate::loss::{LossError, SetLoss};
 use crate::sets::Sets;
@@ -37,6 +39,28 @@ pub trait SharedLoss: Sync {
     ///
     /// Whatever the loss fails with: the selection ends with it.
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError>;
+}
+
+impl<L: SharedLoss + ?Sized> SharedLoss for &L {
+    fn views(&self) -> usize {
+        (**self).views()
+    }
+
+    fn picks(&self) -> usize {
+        (**self).picks()
+    }
+
+    fn properties(&self) -> usize {
+        (**self).properties()
+    }
+
+    fn ordered(&self) -> bool {
+        (**self).ordered()
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        (**self).losses(sets, losses)
+    }
 }
 
 /// One property's loss, drawn towards the mean over all P properties:
@@ -88,6 +112,16 @@ impl<'a> Pooled<'a> {
         }
         let pooled = losses.iter().sum::<f64>() / losses.len() as f64;
         (1.0 - self.amount) * own + self.amount * pooled
+    }
+}
+
+impl fmt::Debug for Pooled<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("Pooled")
+            .field("property", &self.property)
+            .field("amount", &self.amount)
+            .finish_non_exhaustive()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::problem::Problem;
 use crate::sets::SetList;
-use crate::value::ValueNetwork;
+use crate::value::{Sums, ValueNetwork};
 use crate::vb_nvs::ValueSearch;
 
 /// The sets of lowest value that are not known yet, lowest first: coordinate descent from every
@@ -25,19 +25,14 @@ pub(crate) fn lowest_sets(
         .iter()
         .map(|values| best_views(values, width))
         .collect();
-    for combination in 0..width.pow(slots.len() as u32) {
-        // The views' places are the digits of the combination's number.
-        let mut rest = combination;
-        let next = |views: &Vec<usize>| {
-            let view = views[rest % width];
-            rest /= width;
-            view
-        };
-        let set: Vec<usize> = slots.iter().map(next).collect();
-        if problem.allows(&set) {
-            found.push((network.of_set(&set), set));
-        }
-    }
+    let mut walk = Walk {
+        network,
+        distinct: problem.is_distinct(),
+        slots: &slots,
+        set: Vec::with_capacity(slots.len()),
+        found: &mut found,
+    };
+    walk.go(&network.start());
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
     found.dedup_by(|a, b| a.1 == b.1);
     let mut sets = SetList::new(problem.picks());
@@ -121,6 +116,36 @@ fn best_views(values: &[f64], width: usize) -> Vec<usize> {
     views.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(a.cmp(&b)));
     views.truncate(width);
     views
+}
+
+/// Every combination of the slots' views, sums shared by those that begin alike.
+struct Walk<'w> {
+    network: &'w ValueNetwork,
+    distinct: bool,
+    slots: &'w [Vec<usize>],
+    set: Vec<usize>,
+    found: &'w mut Vec<(f64, Vec<usize>)>,
+}
+
+impl Walk<'_> {
+    fn go(&mut self, sums: &Sums) {
+        let slots = self.slots;
+        let Some(views) = slots.get(self.set.len()) else {
+            self.found
+                .push((self.network.finish(sums), self.set.clone()));
+            return;
+        };
+        for &view in views {
+            if self.distinct && self.set.contains(&view) {
+                continue;
+            }
+            let mut longer = sums.clone();
+            longer.add(self.network, self.set.len(), view);
+            self.set.push(view);
+            self.go(&longer);
+            self.set.pop();
+        }
+    }
 }
 
 #[cfg(test)]

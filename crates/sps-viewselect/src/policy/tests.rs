@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use safetensors::Dtype;
+
 use super::*;
 use crate::golden::golden;
 use crate::sets::is_distinct;
@@ -160,25 +162,24 @@ fn reinforce_gradient_matches_autograd() {
     let policy = Policy::of(logits.take(SLOTS * VIEWS).collect(), VIEWS, false);
     let drawn = uniform("golden/reinforce.q").map(|u| (0.5 * (u + 1.0) * 100.0) as usize);
     let drawn: Vec<usize> = drawn.take(BATCH * SLOTS).collect();
-    let stored = golden("reinforce", "q").map(i64::from_le_bytes);
-    assert!(stored.eq(drawn.iter().map(|&view| view as i64)));
+    let stored = golden("reinforce", "q", Dtype::I64, &[BATCH, SLOTS]).into_iter();
+    assert!(
+        stored
+            .map(i64::from_le_bytes)
+            .eq(drawn.iter().map(|&view| view as i64))
+    );
     let advantages = uniform("golden/reinforce.advantage").map(rounded);
     let advantages: Vec<f64> = advantages.take(BATCH).collect();
 
     let sets = Sets::new(&drawn, SLOTS).expect("whole sets");
-    let expected: Vec<f64> = golden("reinforce", "grad")
-        .map(f64::from_le_bytes)
-        .collect();
+    let expected = golden("reinforce", "grad", Dtype::F64, &[SLOTS, VIEWS]).into_iter();
+    let expected: Vec<f64> = expected.map(f64::from_le_bytes).collect();
     assert_close(
         &policy.reinforce_gradient(sets, &advantages),
         &expected,
         1e-15,
     );
     let none = Sets::new(&[], SLOTS).expect("no sets");
-    assert!(
-        policy
-            .reinforce_gradient(none, &[])
-            .iter()
-            .all(|&gradient| gradient == 0.0)
-    );
+    let nothing = policy.reinforce_gradient(none, &[]);
+    assert_eq!(nothing, vec![0.0; SLOTS * VIEWS]);
 }

@@ -1,6 +1,5 @@
 //! Losses of several properties, pooled and remembered.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use proptest::prelude::*;
@@ -13,14 +12,13 @@ use crate::support::{all_sets, problem, select, short_vb_nvs};
 use crate::uniform::uniform;
 
 /// The loss of a property is the sum of its values at the views: its optimum are the views of least
-/// value. Counts the sets that it and its copies are asked for.
-#[derive(Clone)]
+/// value. Counts the sets that it is asked for.
 struct Sums {
     picks: usize,
     /// Shape (properties, views).
     values: Vec<Vec<f64>>,
     ordered: bool,
-    asked: Arc<AtomicU64>,
+    asked: AtomicU64,
 }
 
 impl Sums {
@@ -29,7 +27,7 @@ impl Sums {
             picks,
             values,
             ordered: false,
-            asked: Arc::default(),
+            asked: AtomicU64::new(0),
         }
     }
 
@@ -149,7 +147,7 @@ fn a_set_is_computed_once_for_all_who_ask() {
     for (ordered, sets) in [(false, 84), (true, 504)] {
         let mut sums = Sums::named("shared/once", 9, 3, 4);
         sums.ordered = ordered;
-        let shared = Remembered::new(sums.clone());
+        let shared = Remembered::new(&sums);
         let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         one_thread.expect("a pool").install(|| {
             for property in 0..4 {
@@ -179,7 +177,7 @@ fn all_orders_of_a_set_are_one_to_the_bit() {
     assert_ne!(of(&sums, &[0, 1, 2]), of(&sums, &[2, 1, 0]));
     let expected = of(&sums, &[0, 1, 2]);
     for first in all_sets(3, 3, true) {
-        let shared = Remembered::new(sums.clone());
+        let shared = Remembered::new(&sums);
         assert_eq!(of(&shared, &first), expected);
         assert_eq!(of(&shared, &[2, 1, 0]), expected);
     }
@@ -193,7 +191,7 @@ fn selections_do_not_depend_on_the_number_of_threads() {
     let all = |threads| -> Vec<Selection> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("a pool").install(|| {
-            let shared = Remembered::new(sums.clone());
+            let shared = Remembered::new(&sums);
             let of = |property| {
                 let loss = pooled(&shared, property, 0.4);
                 selectors.map(|selector| Selection {
@@ -216,13 +214,13 @@ fn selections_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn settings_out_of_range_are_refused() {
     let sums = Sums::named("shared/settings", 4, 2, 3);
-    let refused = Pooled::new(&sums, 3, 0.5).err().expect("three properties");
+    let refused = Pooled::new(&sums, 3, 0.5).expect_err("three properties");
     assert_eq!(
         refused.to_string(),
         "`property` is 3, expected a property that exists"
     );
     for amount in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
-        let refused = Pooled::new(&sums, 0, amount).err().expect("no share");
+        let refused = Pooled::new(&sums, 0, amount).expect_err("no share");
         assert!(matches!(
             refused,
             SelectError::Setting {

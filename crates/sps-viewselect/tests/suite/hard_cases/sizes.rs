@@ -47,8 +47,7 @@ fn sets_that_cannot_be_are_refused() {
     assert!(matches!(Problem::new(&of(0, 0)), Err(SelectError::NoViews)));
     assert!(matches!(Problem::new(&of(3, 0)), Err(SelectError::NoPicks)));
     let error = Problem::new(&of(3, 4))
-        .err()
-        .expect("four of three")
+        .expect_err("four of three")
         .to_string();
     assert_eq!(
         error,

@@ -41,6 +41,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                     pictures.push(simulator.frame_bytes(surface, view)?);
                 }
             }
+            // A material of fewer surfaces leaves the rest of its row white.
+            let row = pictures.len().next_multiple_of(9);
+            pictures.resize(row, vec![255; 3 * SIZE * SIZE]);
         }
         write(&folder.join(name), pictures)?;
     }
@@ -57,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Nine pictures a row.
 fn write(path: &Path, pictures: Vec<Vec<u8>>) -> Result<(), Box<dyn Error>> {
     let (side, apart) = (SIZE as u32, SIZE as u32 + 2);
-    let rows = pictures.len() as u32 / 9;
+    let rows = pictures.len().div_ceil(9) as u32;
     let mut sheet = RgbImage::from_pixel(9 * apart, rows * apart, Rgb([255; 3]));
     for (place, bytes) in (0..).zip(pictures) {
         let picture = RgbImage::from_raw(side, side, bytes).ok_or("a picture of another size")?;

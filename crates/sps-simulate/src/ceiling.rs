@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use sps_dataset::toccare;
 
-use super::latent::Scores;
+use super::latent::{Reader, Scores};
 use super::parameters::Specimen;
 use super::stream::{Purpose, Stream};
 use super::touch::{self, Values};
@@ -87,17 +87,21 @@ fn batch_ratios(seed: u64, range: std::ops::Range<usize>, locations: u32) -> [[f
             // own: what the second sees beyond the first is all that differs.
             let other =
                 Scores::draw_own(&mut Stream::new(seed, Purpose::REDRAW, &[specimen.index]));
-            let touched = |own: &Scores, which: u64| {
+            let touched = |own: &Scores, visit: u64| {
                 let places = u64::from(locations);
-                touch::mean_values(&specimen, own, which * places..(which + 1) * places)
+                touch::mean_values(&specimen, own, visit * places..(visit + 1) * places)
             };
-            let redrawn = |which| touched(&specimen.own.redrawn(&other, which), 1);
-            [touched(&specimen.own, 0), redrawn(0), redrawn(1)]
+            let redrawn = |reader| touched(&specimen.own.redrawn(&other, reader), 1);
+            [
+                touched(&specimen.own, 0),
+                redrawn(Reader::OneView),
+                redrawn(Reader::AllViews),
+            ]
         })
         .collect();
-    [1, 2].map(|which| {
+    [1, 2].map(|column| {
         std::array::from_fn(|i| {
-            let pairs = triples.iter().map(|t| (t[0][i], t[which][i]));
+            let pairs = triples.iter().map(|t| (t[0][i], t[column][i]));
             covariance_ratio(pairs)
         })
     })

@@ -60,6 +60,15 @@ const VISIBLE: [(Latent, [f64; 2]); 7] = [
     (Latent::Microlength, [0.7, 0.9]),
 ];
 
+/// Who reads the images; the order is that of the numbers in [`VISIBLE`].
+#[derive(Clone, Copy)]
+pub(crate) enum Reader {
+    /// Of one view, at nadir.
+    OneView,
+    /// Of all views together.
+    AllViews,
+}
+
 /// Part of the first score follows the second, with this correlation.
 ///
 /// Finer cells and tighter weaves make a denser, stiffer body; hard surfaces polish better.
@@ -99,15 +108,14 @@ impl Scores {
         }))
     }
 
-    /// Scores that a reader cannot tell from these: `other` with what the reader sees of these, in
-    /// one view (`which` is 0) or in all (1).
+    /// Scores that a reader cannot tell from these: `other` with what the reader sees of these.
     ///
     /// For an observation `o = c z + sqrt(1 - c^2) e` of a standard-normal `z`, `z` given `o` is
     /// normal with mean `c o` and variance `1 - c^2`, so two draws of it correlate by `c^2`.
-    pub(crate) fn redrawn(&self, other: &Self, which: usize) -> Self {
+    pub(crate) fn redrawn(&self, other: &Self, reader: Reader) -> Self {
         Self(std::array::from_fn(|i| {
             let visible = VISIBLE.iter().find(|visible| visible.0 as usize == i);
-            let c = visible.map_or(0.0, |visible| visible.1[which]);
+            let c = visible.map_or(0.0, |visible| visible.1[reader as usize]);
             let shared = c * c;
             shared * self.0[i] + (1.0 - shared * shared).sqrt() * other.0[i]
         }))

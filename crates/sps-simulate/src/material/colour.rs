@@ -70,7 +70,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         Palette::Dyed => around(dye(stream), 0.18),
         Palette::Undyed => {
             let base = natural([0.62, 0.52, 0.38], 0.25, stream);
-            around(or(base, 0.4, dye, stream), 0.35)
+            around(sometimes(base, 0.4, dye, stream), 0.35)
         }
         Palette::Tweed => {
             let (a, b) = (muted(stream), muted(stream));
@@ -113,11 +113,11 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         }
         Palette::Dark => {
             let base = natural([0.045, 0.045, 0.048], 0.6, stream);
-            around(or(base, 0.25, muted, stream), 0.12)
+            around(sometimes(base, 0.25, muted, stream), 0.12)
         }
         Palette::Paper => {
             let white = natural([0.82, 0.8, 0.75], 0.1, stream);
-            around(or(white, 0.35, muted, stream), 0.06)
+            around(sometimes(white, 0.35, muted, stream), 0.06)
         }
         Palette::Cardboard => around(natural([0.42, 0.29, 0.17], 0.2, stream), 0.1),
         Palette::Cork => {
@@ -152,7 +152,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
 }
 
 /// The colour, or with this chance another.
-fn or(base: Rgb, chance: f64, other: fn(&mut Stream) -> Rgb, stream: &mut Stream) -> Rgb {
+fn sometimes(base: Rgb, chance: f64, other: fn(&mut Stream) -> Rgb, stream: &mut Stream) -> Rgb {
     if stream.chance(chance) {
         other(stream)
     } else {

@@ -121,7 +121,7 @@ impl Profile {
         let number = |text: &str| text.parse().expect("a number");
         Self {
             material: text(),
-            per_block: number(text()) as usize,
+            per_block: text().parse().expect("a whole number"),
             structure: Structure::named(text()),
             weight: number(text()),
             palette: named(text()),
@@ -160,6 +160,15 @@ mod tests {
     #[test]
     fn every_line_is_read_whole_and_every_material_has_its_kinds() {
         assert_eq!(KINDS.len(), 45);
+        // What the latents set, from `Period` to `Tack`.
+        let ranges = "pitch mm,order,relief mm,micro um,micro length mm,alpha,sheen,modulus kPa,\
+                      loss,relaxation,creep,thickness mm,effusivity,adhesion,tack";
+        let head: Vec<_> = TABLE
+            .lines()
+            .take(1)
+            .flat_map(|head| head.split(','))
+            .collect();
+        assert_eq!(head[9..].join(","), ranges);
         for line in TABLE.lines() {
             assert_eq!(line.split(',').count(), 24, "{line}");
         }
@@ -169,7 +178,8 @@ mod tests {
             assert!((weights - 1.0).abs() < 1e-12, "{material}: {weights}");
             let share = kinds[0].per_block;
             assert!(kinds.iter().all(|kind| kind.per_block == share));
-            let lines = TABLE.lines().filter(|line| line.starts_with(material));
+            let of_it = |line: &&str| line.split(',').next() == Some(material);
+            let lines = TABLE.lines().filter(of_it);
             assert_eq!(
                 lines.count(),
                 kinds.len(),

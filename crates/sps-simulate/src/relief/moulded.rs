@@ -1,5 +1,7 @@
 //! Cast, moulded, rolled and brushed surfaces.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::super::numeric::smoothstep;
 use super::cells::Cells;
 use super::{Builder, Fractal, Layers};
@@ -42,12 +44,16 @@ impl Builder<'_> {
 
     /// Parallel scratches over a faint waviness.
     pub(super) fn brushed(&mut self) -> Layers {
-        let turns = if self.stream.chance(0.5) { 0.0 } else { 0.25 };
+        let direction = if self.stream.chance(0.5) {
+            0.0
+        } else {
+            FRAC_PI_2
+        };
         let scratch = Fractal {
             length: 0.08 / self.count as f64,
             hurst: 0.5,
             stretch: 60.0,
-            direction: std::f64::consts::TAU * turns + 0.03 * (self.stream.unit() - 0.5),
+            direction: direction + 0.03 * (self.stream.unit() - 0.5),
         };
         let (height, streaks) = self.fields(scratch);
         let waviness = self.fields(Fractal::isotropic(0.15, 1.0)).0;
@@ -59,7 +65,7 @@ impl Builder<'_> {
 
     /// A raised motif on a lattice.
     pub(super) fn embossed(&mut self) -> Layers {
-        let motif = self.stream.index(MOTIFS);
+        let motif = MOTIFS[self.stream.index(MOTIFS.len())];
         let fill = self.stream.between32(0.22, 0.38);
         let sharpness = self.stream.between32(0.06, 0.3);
         let count = self.count as f32;
@@ -67,32 +73,45 @@ impl Builder<'_> {
         let (inner, outer) = (fill - sharpness * 0.5, fill + sharpness * 0.5);
         Layers::of_texels(self.n, |at, u, v| {
             let (x, y) = (u * count + dx[at], v * count + dy[at]);
-            let height = 1.0 - smoothstep(inner, outer, distance(motif, x, y));
+            let height = 1.0 - smoothstep(inner, outer, motif(x, y));
             (height, 0.45 + 0.2 * height, 1.0)
         })
     }
 }
 
-/// What is raised on an embossed surface.
-const MOTIFS: usize = 6;
+/// What is raised on an embossed surface: the distance from the middle of the nearest motif, in
+/// pitches.
+const MOTIFS: [fn(f32, f32) -> f32; 6] = [dots, squares, diamonds, lines, hexagons, waves];
 
-/// Distance from the middle of the nearest motif, in pitches.
-fn distance(motif: usize, x: f32, y: f32) -> f32 {
-    let centred = |t: f32| t - t.floor() - 0.5;
-    let hypot = |x: f32, y: f32| (x * x + y * y).sqrt();
-    let (cx, cy) = (centred(x), centred(y));
-    match motif {
-        // Dots, squares, diamonds, lines.
-        0 => hypot(cx, cy),
-        1 => cx.abs().max(cy.abs()),
-        2 => 0.7 * (cx.abs() + cy.abs()),
-        3 => cx.abs(),
-        // Hexagons.
-        4 => {
-            let shift = 0.5 * (y.floor() as i32).rem_euclid(2) as f32;
-            hypot(centred(x + shift), cy)
-        }
-        // Waves.
-        _ => centred(x + centred(0.5 * y).abs()).abs(),
-    }
+fn dots(x: f32, y: f32) -> f32 {
+    hypot(centred(x), centred(y))
+}
+
+fn squares(x: f32, y: f32) -> f32 {
+    centred(x).abs().max(centred(y).abs())
+}
+
+fn diamonds(x: f32, y: f32) -> f32 {
+    0.7 * (centred(x).abs() + centred(y).abs())
+}
+
+fn lines(x: f32, _: f32) -> f32 {
+    centred(x).abs()
+}
+
+fn hexagons(x: f32, y: f32) -> f32 {
+    let shift = 0.5 * (y.floor() as i32).rem_euclid(2) as f32;
+    hypot(centred(x + shift), centred(y))
+}
+
+fn waves(x: f32, y: f32) -> f32 {
+    centred(x + centred(0.5 * y).abs()).abs()
+}
+
+fn centred(t: f32) -> f32 {
+    t - t.floor() - 0.5
+}
+
+fn hypot(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
 }

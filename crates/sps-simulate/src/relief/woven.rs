@@ -84,7 +84,8 @@ struct Cloth {
 }
 
 impl Cloth {
-    /// Height and tone at a place in units of the pitch, where warp and weft are so much thicker.
+    /// Height and tone at a place in units of the pitch. `slub` is by how much warp and weft are
+    /// thicker there.
     fn at(&self, x: f32, y: f32, slub: (f32, f32)) -> (f32, f32) {
         let (warp, weft, count) = (&self.warp, &self.weft, self.warp.offset.len());
         let thread = |t: f32| (t.floor() as i32).rem_euclid(count as i32) as usize;

@@ -33,6 +33,6 @@ pub(super) fn local_deformation(depth: f64, pile: f64) -> f64 {
 }
 
 /// Logarithm of a share of the depth.
-pub(super) fn shared(depth: f64, share: f64) -> f64 {
+pub(super) fn log_share(depth: f64, share: f64) -> f64 {
     libm::log(depth * share + 0.2 * FLOOR_MM)
 }

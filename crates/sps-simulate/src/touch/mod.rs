@@ -45,9 +45,9 @@ pub(crate) fn responses(parameters: &Parameters) -> Values {
         compliance::local_deformation(depth, parameters.relief_mm),
         // Energy lost in a press and release of a standard linear solid, the fall of the force at
         // constant depth, and the depth that is gained at constant force.
-        compliance::shared(depth, parameters.loss),
-        compliance::shared(depth, parameters.relaxation),
-        compliance::shared(depth, parameters.creep),
+        compliance::log_share(depth, parameters.loss),
+        compliance::log_share(depth, parameters.relaxation),
+        compliance::log_share(depth, parameters.creep),
         contact.tack(),
     ]
 }

@@ -149,11 +149,13 @@ mod tests {
         for column in &mut columns {
             column.sort_by(f64::total_cmp);
         }
-        let mut found = QUANTILES
-            .lines()
-            .next()
-            .map(|head| head.to_owned() + "\n")
-            .unwrap();
+        let codes = toccare::ALL.map(|property| property.code);
+        let mut found = format!("share,{}\n", codes.join(","));
+        assert_eq!(
+            (RESPONSES[0].0, RESPONSES[RESPONSES.len() - 1].0),
+            (0.0, 1.0)
+        );
+        assert!(RESPONSES.is_sorted_by(|(p, _), (q, _)| p < q));
         for (p, _) in RESPONSES.iter() {
             let place = p * (SURFACES - 1) as f64;
             let (i, t) = (place as usize, place - place.floor());

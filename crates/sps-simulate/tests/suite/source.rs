@@ -114,6 +114,7 @@ fn keys_are_distinct_and_frames_are_what_an_eight_bit_file_holds() {
     }
     let frame = source.frame(1, 1).unwrap();
     let bytes = source.frame_bytes(1, 1).unwrap();
+    assert_eq!((frame.width, frame.height), (24, 24));
     assert_eq!(frame.data.len(), 24 * 24 * 3);
     for (value, byte) in frame.data.iter().zip(bytes) {
         assert_eq!((value * 255.0).round() as u8, byte);

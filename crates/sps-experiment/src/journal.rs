@@ -63,8 +63,9 @@ pub(crate) struct Stop {
     /// The interval around the estimate.
     pub low: f64,
     pub high: f64,
-    /// Its width in standard deviations of the training readings; 0 where the interval was given.
-    pub width: f64,
+    /// Its width in standard deviations of the training readings; none where the interval was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width: Option<f64>,
 }
 
 impl Record for Outcome {

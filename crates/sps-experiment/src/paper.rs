@@ -83,6 +83,8 @@ pub(crate) fn names() -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     #[test]
@@ -95,6 +97,23 @@ mod tests {
                 (15, 15)
             );
         }
+        let keys = TABLES.lines().filter_map(|line| line.split_once(" = "));
+        let keys: BTreeSet<&str> = keys.map(|(key, _)| key).collect();
+        let known = [
+            "adversarial",
+            "classification",
+            "cross-modal",
+            "label",
+            "mae-mean",
+            "median-percent-error",
+            "median-percent-error-mean",
+            "median-percent-error-top8",
+            "properties",
+            "r2",
+            "r2-mean",
+            "top8",
+        ];
+        assert_eq!(keys, known.into());
     }
 
     #[test]

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 use sps_estimator::{Regression, Stacked};
 use sps_models::heads::Head;
-use sps_regress::{AnyRegressor, RegressorSettings};
+use sps_regress::AnyRegressor;
 
 use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
@@ -150,11 +150,7 @@ fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Re
             Regression::Head(head.map_err(|error| ("head", error.to_string()))?)
         }
         MethodKind::Rows(kind) => {
-            let settings = RegressorSettings {
-                ridge: config.ridge.clone(),
-                kernel_ridge: config.kernel_ridge.clone(),
-            };
-            let regressor = AnyRegressor::new(kind, &settings);
+            let regressor = AnyRegressor::new(kind, &config.regressors());
             Regression::Rows(regressor.map_err(|error| ("kind", error.to_string()))?)
         }
         kind => return refuse("members", format!("`{}` cannot be stacked", kind.name())),

@@ -195,12 +195,15 @@ fn of_combination(
     let chosen = chosen.iter();
     let ids = chosen.clone().map(|&(key, point)| (key, id_of(point)));
     let labels = chosen.map(|&(key, point)| (key, label_word(&made, key, point)));
-    let words: [Vec<(&str, String)>; 2] = [ids.collect(), labels.collect()];
-    for ((title, between), words) in [("id", "-"), ("label", ", ")].into_iter().zip(words) {
+    let (ids, labels) = (ids.collect(), labels.collect());
+    let mut set = |title: &'static str, between, words: Vec<(&str, String)>| {
         let given = made.get(title).and_then(Value::as_str).unwrap_or_default();
         let text = titled(given, between, &words).map_err(|problem| (title, problem))?;
         made.insert(title.to_owned(), Value::String(text));
-    }
+        Ok::<_, (&'static str, String)>(())
+    };
+    set("id", "-", ids)?;
+    set("label", ", ", labels)?;
     Ok(made)
 }
 

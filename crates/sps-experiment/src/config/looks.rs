@@ -187,8 +187,8 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
     let Some(refit) = method.refit else {
         return Ok(None);
     };
-    let mut amount = refit.pooled.into_iter();
-    if !amount.all(|amount| (0.0..=1.0).contains(&amount)) {
+    let is_outside = |amount: f64| !(0.0..=1.0).contains(&amount);
+    if refit.pooled.is_some_and(is_outside) {
         return refuse("refit.pooled", "must lie between 0 and 1");
     }
     let ridge = KernelRidge::new(KernelRidgeConfig {

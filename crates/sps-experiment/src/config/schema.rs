@@ -12,9 +12,9 @@ use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
 use sps_models::training::TrainingConfig;
-use sps_regress::RegressorKind;
 use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_regress::ridge::RidgeConfig;
+use sps_regress::{RegressorKind, RegressorSettings};
 use sps_viewselect::{AnySelector, TemporalRelations};
 
 use crate::data::DataConfig;
@@ -42,6 +42,15 @@ pub(crate) struct Config {
     pub report: ReportConfig,
     pub train: TrainConfig,
     pub cache: CacheConfig,
+}
+
+impl Config {
+    pub(super) fn regressors(&self) -> RegressorSettings {
+        RegressorSettings {
+            ridge: self.ridge.clone(),
+            kernel_ridge: self.kernel_ridge.clone(),
+        }
+    }
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

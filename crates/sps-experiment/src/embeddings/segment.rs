@@ -75,8 +75,13 @@ impl Segment {
         let of_values = (values.dtype(), values.shape()) == (Dtype::F32, &[rows, width]);
         ensure!(
             of_keys && of_values,
-            "{}: not a segment of embeddings of width {width}",
-            path.display()
+            "{}: found `keys` {:?} {:?} and `embeddings` {:?} {:?}, expected U8 [{rows}, {KEY_BYTES}] and F32 \
+             [{rows}, {width}]",
+            path.display(),
+            keys.dtype(),
+            keys.shape(),
+            values.dtype(),
+            values.shape()
         );
         let values = values.data().chunks_exact(4);
         let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

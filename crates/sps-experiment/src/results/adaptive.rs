@@ -44,8 +44,8 @@ impl AdaptiveResult {
             level: asked.level.get(),
             mean_views: mean(|stop| stop.views as f64),
             share_of_views: shares.collect(),
-            narrow: share(&|stop| stop.width <= asked.width),
-            mean_width: mean(|stop| stop.width),
+            narrow: share(&|stop| stop.width.is_some_and(|width| width <= asked.width)),
+            mean_width: mean(|stop| stop.width.unwrap_or_default()),
             coverage: covered.fraction(),
         })
     }

@@ -99,7 +99,7 @@ fn outcome(
             views: end + 1,
             low,
             high,
-            width: (high - low) / deviation,
+            width: Some((high - low) / deviation),
         });
     }
     Ok(Outcome {

@@ -41,8 +41,7 @@ impl<'m> Encoded<'_, 'm> {
         let mut groups = stages.of_splits(&self.splits.all, &self.dealt.of_any())?;
         if self.looks_in_hindsight() {
             for group in &mut groups {
-                let all = 0..group.stage.tables.views.len();
-                group.look_at(self, all)?;
+                group.look_at_all(self)?;
             }
         }
         let selections = self.select(&groups, &mut journals.selections)?;
@@ -97,26 +96,34 @@ impl<'m> Encoded<'_, 'm> {
         selections: &Selections,
         journals: &mut Journals,
     ) -> Result<Vec<Vec<TrialSpec>>> {
-        let experiment = self.experiment;
         let mut trials: Vec<Vec<TrialSpec>> = self.methods.iter().map(|_| Vec::new()).collect();
         for group in groups {
             let dealt = self.dealt.within(&group.splits);
             let planned = self.planned(group, &dealt, selections)?;
             group.look(self, &planned)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
-                let own = self.splits.of_method(method, experiment.seed)?;
-                let judge = Judge {
-                    experiment,
-                    method,
-                    encodings: group,
-                    splits: &own,
-                };
+                let own = self.splits.of_method(method, self.experiment.seed)?;
+                let judge = self.judge(method, group, &own);
                 let specs = judge.keyed(planned)?;
                 judge.run_missing(&specs, &mut journals.trials)?;
                 all.extend(specs);
             }
         }
         Ok(trials)
+    }
+
+    pub(super) fn judge<'s>(
+        &'s self,
+        method: &'s Method,
+        encodings: &'s Encodings,
+        splits: &'s Splits,
+    ) -> Judge<'s> {
+        Judge {
+            experiment: self.experiment,
+            method,
+            encodings,
+            splits,
+        }
     }
 
     /// The trials of each method that are dealt of a group.

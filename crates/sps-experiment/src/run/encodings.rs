@@ -65,6 +65,11 @@ impl Encodings {
         self.embed(of, &wanted.collect())
     }
 
+    /// The same of all views.
+    pub(super) fn look_at_all(&mut self, of: &Encoded<'_, '_>) -> Result<()> {
+        self.look_at(of, 0..self.stage.tables.views.len())
+    }
+
     /// Embeds so many surfaces, in each of these views, of those that are only scored on.
     fn embed(&mut self, of: &Encoded<'_, '_>, wanted: &BTreeMap<usize, usize>) -> Result<()> {
         let (embedder, first) = (&self.stage.embedder, self.stage.tables.pool());

@@ -37,11 +37,12 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
                 .or_default()
                 .push(value);
         }
-        let of_material = of_material.iter().filter(|_| by_label);
-        let of_material = of_material.map(|(&name, values)| (name, mean(values)));
-        let (all, of_material) = (mean(&all), of_material.collect::<HashMap<_, _>>());
-        // That of all where no training surface is of the material.
-        let estimate = |&surface: &usize| *of_material.get(material(surface)).unwrap_or(&all);
+        let all = mean(&all);
+        let estimate = |&surface: &usize| match of_material.get(material(surface)) {
+            Some(values) if by_label => mean(values),
+            // That of all where no training surface is of the material.
+            _ => all,
+        };
         let estimates = held_out.surfaces.iter().map(estimate).collect();
         Ok(judge.outcome(trial, held_out, estimates))
     };

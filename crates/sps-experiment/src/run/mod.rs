@@ -52,6 +52,7 @@ use crate::results::Results;
 use found::Found;
 use prepared::Prepared;
 use results::{MethodRow, results};
+use shards::Merged;
 
 /// Runs the experiment into `folder`, or finishes what was begun there, in shards or not; `fresh`
 /// begins again. The folder stays locked: a report of the results may follow.
@@ -72,25 +73,23 @@ pub fn merge(
     folder: &Path,
     runs: &[PathBuf],
 ) -> Result<(RunFolder, Results)> {
-    finish(experiment, folder, false, Some(runs))
+    finish(experiment, folder, false, Some(&Merged::of(runs)?))
 }
 
-/// Does what neither the folder nor shards have; `merged` are other runs, whose shards are to be complete.
+/// Does what neither the folder nor shards have; `merged` are those of other runs.
 fn finish(
     experiment: &Experiment,
     folder: &Path,
     fresh: bool,
-    merged: Option<&[PathBuf]>,
+    merged: Option<&Merged>,
 ) -> Result<(RunFolder, Results)> {
     let (source, about) = data::open(&experiment.data)?;
     let source = source.as_ref();
     // Only an experiment that can be run changes the folder.
     let prepared = Prepared::new(experiment, source, &about)?;
-    let merged = merged.map(|runs| {
-        let data_hash = provenance::data_hash(source, &about)?;
-        shards::complete(experiment, runs, &data_hash)
-    });
-    let merged = merged.transpose()?;
+    if let Some(merged) = merged {
+        merged.ensure_same(experiment, &provenance::data_hash(source, &about)?)?;
+    }
     let folder = RunFolder::open(folder, fresh)?;
     if fresh {
         shards::forget(folder.path())?;
@@ -99,8 +98,8 @@ fn finish(
     let mut journals = Journals::open(folder.path())?;
     match merged {
         Some(merged) => {
-            for path in merged {
-                journals.adopt(Journals::look(&path)?)?;
+            for path in merged.folders() {
+                journals.adopt(Journals::look(path)?)?;
             }
         }
         None => shards::give(folder.path(), &mut journals)?,

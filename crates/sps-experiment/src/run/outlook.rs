@@ -8,7 +8,6 @@ use anyhow::{Error, Result};
 
 use super::deal::Dealt;
 use super::encoded::Encoded;
-use super::fit::Judge;
 use super::found::Selections;
 use super::frozen::Folds;
 use super::prepared::Prepared;
@@ -148,8 +147,7 @@ impl Looking {
     ) -> Result<()> {
         let (experiment, splits) = (encoded.experiment, encoded.splits);
         if encoded.looks_in_hindsight() {
-            let all = 0..group.stage.tables.views.len();
-            let looked = group.look_at(encoded, all);
+            let looked = group.look_at_all(encoded);
             if seen.there(looked, 0)?.is_none() {
                 return Ok(());
             }
@@ -185,13 +183,7 @@ impl Looking {
             }
             let method = encoded.methods[at];
             let own = splits.of_method(method, experiment.seed)?;
-            let judge = Judge {
-                experiment,
-                method,
-                encodings: group,
-                splits: &own,
-            };
-            let keyed = judge.keyed(planned)?;
+            let keyed = encoded.judge(method, group, &own).keyed(planned)?;
             let done = keyed.iter();
             let done = done.filter(|one| self.0.trials.get(&one.key).is_some());
             let ([trials, missing, ..], done) = (&mut seen.methods[at], done.count());

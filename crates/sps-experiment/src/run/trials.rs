@@ -1,4 +1,4 @@
-//! What is to be computed: a trial for each method, property and rerun.
+//! Trials, their keys, and the plan to train them.
 
 use anyhow::Result;
 use serde::Serialize;

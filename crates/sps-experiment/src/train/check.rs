@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use sps_dataset::{Surface, Units};
+use sps_dataset::{Surface, Unit};
 use sps_estimator::{Fitted, Measured, Predictions};
 
 use super::Say;
@@ -21,9 +21,9 @@ const WORST: usize = 3;
 pub(super) type Found = (BTreeMap<String, Measured>, Vec<(String, f64)>);
 
 /// Over all splits.
-pub(super) struct Check<'a> {
+pub(super) struct Check {
     /// What an interval promises to hold for.
-    units: &'a Units,
+    unit: Unit,
     /// Set where views are looked at one by one.
     adaptive: Option<Adaptive>,
     rows: BTreeMap<Row, HeldOuts>,
@@ -48,10 +48,10 @@ enum Row {
     Session,
 }
 
-impl<'a> Check<'a> {
-    pub(super) fn new(units: &'a Units, adaptive: Option<Adaptive>) -> Self {
+impl Check {
+    pub(super) fn new(unit: Unit, adaptive: Option<Adaptive>) -> Self {
         Self {
-            units,
+            unit,
             adaptive,
             rows: BTreeMap::new(),
             views_taken: Vec::new(),
@@ -138,7 +138,7 @@ impl<'a> Check<'a> {
     /// Says it, and gives it.
     pub(super) fn print(&self, surfaces: &[Surface], say: Say<'_>) -> Result<Found> {
         let last = self.rows.iter().rfind(|(row, _)| **row != Row::Session);
-        let unit = self.units.unit();
+        let unit = self.unit;
         let measured = last.map(|(_, held_out)| held_out.print(unit, say));
         let measured = measured.transpose()?;
         if measured.as_ref().is_some_and(|all| all.len() > 1) && !self.joint.is_empty() {
@@ -174,7 +174,7 @@ impl<'a> Check<'a> {
         say("\nViews one by one, means over the properties, half widths in standard deviations:");
         let taken = self.views_taken.iter().sum::<usize>();
         let mean = taken as f64 / self.views_taken.len().max(1) as f64;
-        let unit = self.units.unit();
+        let unit = self.unit;
         let mut lines = vec![heading(unit)];
         for (row, held_out) in &self.rows {
             let name = match row {

@@ -274,7 +274,8 @@ impl Trainer<'_> {
     /// Says what such models do on the surfaces that each split of the config holds out.
     fn check(&self, say: Say<'_>) -> Result<Found> {
         let (splits, source) = (&self.of.splits.all, self.of.source);
-        let mut check = Check::new(&self.of.splits.units, self.method.adaptive);
+        let unit = self.of.splits.units.unit();
+        let mut check = Check::new(unit, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
             ensure_wanted()?;
             let fit = self.fit(&split.train, number as u64)?;
@@ -293,7 +294,6 @@ impl Trainer<'_> {
             1 => String::new(),
             several => format!(" in each of {several} splits"),
         };
-        let unit = self.of.splits.units.unit();
         let train = &self.of.experiment.train;
         say(&format!(
             "{} on {unit} held out, {}{times}, intervals of {:.0} %:",

@@ -34,7 +34,9 @@ impl OfSplit<'_> {
 impl HeldOuts {
     pub(super) fn add(&mut self, of: OfSplit<'_>, predictions: &Predictions) -> Result<()> {
         let all = &predictions.properties;
-        self.0.resize_with(all.len(), Default::default);
+        if self.0.is_empty() {
+            self.0.resize_with(all.len(), Default::default);
+        }
         for ((property, held_out), predicted) in self.0.iter_mut().zip(all) {
             property.clone_from(&predicted.property);
             held_out.add(of, predicted)?;

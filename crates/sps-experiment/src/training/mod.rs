@@ -180,11 +180,12 @@ fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
         ..
     } = task;
     let config = config.clone();
-    let Some(bytes) = goes_on
-        .then(|| checksums::read(state))
-        .transpose()?
-        .flatten()
-    else {
+    let bytes = if goes_on {
+        checksums::read(state)?
+    } else {
+        None
+    };
+    let Some(bytes) = bytes else {
         return Ok(Trainer::new(start, targets, parts, config, seed)?);
     };
     let path = state.display().to_string();

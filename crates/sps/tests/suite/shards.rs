@@ -171,7 +171,11 @@ fn shards_that_do_not_belong_together_are_named() {
         merge(&scratch, "run", "@run").refused(parts);
         assert!(!scratch.path("run/results.json").exists());
     };
+    // Said before data are looked for.
+    let [data, away] = ["data", "away"].map(|name| scratch.path(name));
+    fs::rename(&data, &away).unwrap();
     refused(&["--merge", "run: no shards here", "--shard K/N"]);
+    fs::rename(&away, &data).unwrap();
     shard(&scratch, "run", "1/3").assert().success();
     refused(&["shards are missing: 2/3, 3/3"]);
     shard(&scratch, "run", "2/2").assert().success();
@@ -189,7 +193,7 @@ fn shards_that_do_not_belong_together_are_named() {
     refused(&["shard 1/2", "other methods", methods]);
     other("");
     let table = scratch.read("data/tactile.csv");
-    scratch.change_readings(|_, reading| reading + 1.0);
+    scratch.edit("data/tactile.csv", ",0.37,0.11,", ",0.37,0.12,");
     refused(&["shard 1/2", "other data", "data_hash"]);
     scratch.write("data/tactile.csv", table);
 

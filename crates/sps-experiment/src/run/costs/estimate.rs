@@ -22,8 +22,11 @@ pub(super) struct Look {
 
 #[derive(Clone, Copy, Default)]
 pub(super) struct Spent {
-    /// On decoding, on encoding, and on asking models.
-    seconds: [f64; 3],
+    /// Seconds.
+    decode: f64,
+    encode: f64,
+    /// On asking models.
+    head: f64,
     /// Decoded and encoded.
     frames: usize,
     multiply_adds: Option<u64>,
@@ -87,7 +90,9 @@ impl Look {
         let of_models = self.models.iter().map(|model| model.multiply_adds());
         let of_models = self.fillings.len() as u64 * of_models.sum::<u64>();
         Ok(Spent {
-            seconds: [decode, encode, head],
+            decode,
+            encode,
+            head,
             frames: embedder.network().frames() * frames.len(),
             multiply_adds: of_encoder.sum::<Option<u64>>().map(|sum| sum + of_models),
             memory: 0,
@@ -111,7 +116,9 @@ impl Spent {
     fn and(&self, next: &Self) -> Self {
         let counts = self.multiply_adds.zip(next.multiply_adds);
         Self {
-            seconds: [0, 1, 2].map(|part| self.seconds[part] + next.seconds[part]),
+            decode: self.decode + next.decode,
+            encode: self.encode + next.encode,
+            head: self.head + next.head,
             frames: self.frames + next.frames,
             multiply_adds: counts.map(|(sum, next)| sum + next),
             memory: self.memory.max(next.memory),
@@ -130,10 +137,10 @@ pub(super) fn costs(all: &[Spent], encoder_bytes: usize) -> Costs {
     Costs {
         frames_decoded_per_surface: frames,
         frames_encoded_per_surface: frames,
-        predict_seconds_per_surface: median(all, |spent| spent.seconds.iter().sum()),
-        decode_seconds_per_surface: median(all, |spent| spent.seconds[0]),
-        encode_seconds_per_surface: median(all, |spent| spent.seconds[1]),
-        head_seconds_per_surface: median(all, |spent| spent.seconds[2]),
+        predict_seconds_per_surface: median(all, |spent| spent.decode + spent.encode + spent.head),
+        decode_seconds_per_surface: median(all, |spent| spent.decode),
+        encode_seconds_per_surface: median(all, |spent| spent.encode),
+        head_seconds_per_surface: median(all, |spent| spent.head),
         peak_memory_bytes: memory.map(|bytes| (bytes + encoder_bytes) as f64),
         multiply_adds_per_surface: multiply_adds.map(|sum| sum as f64 / count),
         ..Costs::default()

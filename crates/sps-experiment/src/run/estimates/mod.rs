@@ -174,7 +174,7 @@ pub(super) fn outcome(
             views: 0,
             low,
             high,
-            width: 0.0,
+            width: None,
         })
     });
     let values = given.iter().map(|estimate| estimate.value);

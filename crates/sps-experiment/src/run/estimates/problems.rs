@@ -31,7 +31,7 @@ impl<'a> Problems<'a> {
         self.add(|| format!("{file}, line {line}: {}", problem()));
     }
 
-    /// What was `found` in a line; where that is nothing, it is one.
+    /// Gives back `found`; where it is `None`, notes the problem of the line.
     pub(super) fn unless<T>(
         &mut self,
         found: Option<T>,

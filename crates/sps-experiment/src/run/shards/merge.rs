@@ -10,31 +10,55 @@ use crate::config::Experiment;
 use crate::run::folder::RunFolder;
 use crate::work::Shard;
 
-/// The folders of some runs and of the shards below them, which are all of an experiment on this data and have
-/// ended; those that are at work are waited for.
-pub(in crate::run) fn complete(
-    experiment: &Experiment,
-    runs: &[PathBuf],
-    data_hash: &blake3::Hash,
-) -> Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    for run in runs {
-        let below = folders(run)?;
-        ensure!(
-            !below.is_empty(),
-            "--merge {}: no shards here; `--shard K/N --out {0}` makes them",
-            run.display()
-        );
-        found.extend(below);
-    }
-    ensure_complete(&found)?;
-    for one in &found {
-        if let Some(other) = ended(one)?.other_than(experiment, data_hash)? {
-            bail!("{} is of {other}", named(one));
+/// All shards of an experiment, ended, and the runs that they are below.
+pub(in crate::run) struct Merged {
+    runs: Vec<PathBuf>,
+    shards: Vec<(OfShard, Manifest)>,
+}
+
+impl Merged {
+    /// Those below some runs; shards that are at work are waited for.
+    pub(in crate::run) fn of(runs: &[PathBuf]) -> Result<Self> {
+        let mut found = Vec::new();
+        for run in runs {
+            let below = folders(run)?;
+            ensure!(
+                !below.is_empty(),
+                "--merge {}: no shards here; `--shard K/N --out {0}` makes them",
+                run.display()
+            );
+            found.extend(below);
         }
+        ensure_complete(&found)?;
+        let shards = found.into_iter().map(|one| {
+            let manifest = ended(&one)?;
+            Ok((one, manifest))
+        });
+        Ok(Self {
+            runs: runs.to_vec(),
+            shards: shards.collect::<Result<_>>()?,
+        })
     }
-    let shards = found.into_iter().map(|one| one.path);
-    Ok(runs.iter().cloned().chain(shards).collect())
+
+    /// That they are of this experiment, on this data.
+    pub(in crate::run) fn ensure_same(
+        &self,
+        experiment: &Experiment,
+        data_hash: &blake3::Hash,
+    ) -> Result<()> {
+        for (one, manifest) in &self.shards {
+            if let Some(other) = manifest.other_than(experiment, data_hash)? {
+                bail!("{} is of {other}", named(one));
+            }
+        }
+        Ok(())
+    }
+
+    /// The folders of the runs and of the shards.
+    pub(in crate::run) fn folders(&self) -> impl Iterator<Item = &PathBuf> {
+        let shards = self.shards.iter().map(|(one, _)| &one.path);
+        self.runs.iter().chain(shards)
+    }
 }
 
 /// That there is each of as many as they say, once or more.

@@ -17,7 +17,7 @@ use crate::data;
 use crate::files::inside;
 use crate::work::Shard;
 use manifest::Manifest;
-pub(super) use merge::complete;
+pub(super) use merge::Merged;
 
 const SHARDS: &str = "shards";
 

@@ -2,6 +2,7 @@
 
 mod bench;
 mod docs;
+mod files;
 mod pretraining;
 
 use std::env;

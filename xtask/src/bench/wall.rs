@@ -1,17 +1,18 @@
 //! Wall times: the benches of the crates, run one after the other, as criterion measures them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use serde_json::Value;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use sps_experiment::files::read_text;
 use tracing::info;
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::Wall;
-use crate::docs::matching;
+use crate::files::matching;
 
 struct Bench {
     /// The stage of the way of the data that it measures.
@@ -122,41 +123,72 @@ fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What criterion left in `folder`, by the benchmarks' ids.
-fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
-    let found = |path: PathBuf| {
-        let refused = || format!("{} is not what criterion writes", path.display());
-        let json = |name| -> Result<Value> {
-            let json = serde_json::from_str(&read_text(&path.with_file_name(name))?);
-            json.with_context(refused)
-        };
-        let (benchmark, estimates) = (json("benchmark.json")?, json("estimates.json")?);
-        read(&benchmark, &estimates, &json("sample.json")?).with_context(refused)
-    };
-    let paths = matching(folder, "**/new/benchmark.json")?;
-    paths.into_iter().map(found).collect()
+/// `benchmark.json` of criterion.
+#[derive(Deserialize)]
+struct Benchmark {
+    full_id: String,
+    throughput: Option<Throughput>,
 }
 
-/// A benchmark's id and its times; none where a key is missing.
-fn read(benchmark: &Value, estimates: &Value, sample: &Value) -> Option<(String, Wall)> {
-    let nanoseconds = |value: &Value| Some(1e-9 * value.as_f64()?);
-    let median = &estimates["median"];
-    let interval = &median["confidence_interval"];
-    let times = sample["times"].as_array()?.iter().map(nanoseconds);
-    let passes = times.zip(sample["iters"].as_array()?);
-    let each = passes.map(|(time, passes)| Some(time? / passes.as_f64()?));
-    let each: Vec<f64> = each.collect::<Option<_>>()?;
-    let elements = benchmark.pointer("/throughput/Elements");
+#[derive(Deserialize)]
+struct Throughput {
+    #[serde(rename = "Elements")]
+    elements: Option<f64>,
+}
+
+/// `estimates.json`, in nanoseconds.
+#[derive(Deserialize)]
+struct Estimates {
+    median: Estimate,
+}
+
+#[derive(Deserialize)]
+struct Estimate {
+    point_estimate: f64,
+    confidence_interval: Interval,
+}
+
+#[derive(Deserialize)]
+struct Interval {
+    lower_bound: f64,
+    upper_bound: f64,
+}
+
+/// `sample.json`, in nanoseconds.
+#[derive(Deserialize)]
+struct Sample {
+    iters: Vec<f64>,
+    times: Vec<f64>,
+}
+
+/// What criterion left in `folder`, by the benchmarks' ids.
+fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
+    let paths = matching(folder, "**/new/benchmark.json")?;
+    paths.iter().map(|path| read(path)).collect()
+}
+
+/// A benchmark's id and its times, from its `benchmark.json` and the files beside that.
+fn read(path: &Path) -> Result<(String, Wall)> {
+    const NANO: f64 = 1e-9;
+    let benchmark: Benchmark = json(path)?;
+    let Estimates { median } = json(&path.with_file_name("estimates.json"))?;
+    let sample: Sample = json(&path.with_file_name("sample.json"))?;
+    let passes = sample.times.iter().zip(&sample.iters);
+    let each = passes.map(|(time, passes)| NANO * time / passes);
+    let elements = benchmark.throughput.and_then(|found| found.elements);
+    let interval = median.confidence_interval;
     let wall = Wall {
-        median: nanoseconds(&median["point_estimate"])?,
-        interval: [
-            nanoseconds(&interval["lower_bound"])?,
-            nanoseconds(&interval["upper_bound"])?,
-        ],
-        shortest: each.into_iter().fold(f64::INFINITY, f64::min),
-        elements: elements.and_then(Value::as_f64).unwrap_or(1.0),
+        median: NANO * median.point_estimate,
+        interval: [interval.lower_bound, interval.upper_bound].map(|bound| NANO * bound),
+        shortest: each.fold(f64::INFINITY, f64::min),
+        elements: elements.unwrap_or(1.0),
     };
-    Some((benchmark["full_id"].as_str()?.to_owned(), wall))
+    Ok((benchmark.full_id, wall))
+}
+
+fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let read = serde_json::from_str(&read_text(path)?);
+    read.with_context(|| format!("{} is not what criterion writes", path.display()))
 }
 
 /// The ratios that have a budget: of the shortest times, since other work on the machine only ever
@@ -222,5 +254,11 @@ mod tests {
         assert!((wall.median - 3.0).abs() < 1e-12 && (wall.shortest - 2.5).abs() < 1e-12);
         assert!((wall.interval[1] - 4.0).abs() < 1e-12);
         assert_eq!(wall.elements, 8.0);
+
+        write("estimates.json", r#"{"median":{"point_estimate":3e9}}"#);
+        let refused = format!("{:#}", collect(folder.path()).unwrap_err());
+        for part in ["estimates.json", "`confidence_interval`"] {
+            assert!(refused.contains(part), "{refused}");
+        }
     }
 }

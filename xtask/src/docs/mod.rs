@@ -12,8 +12,8 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
-use glob::{Pattern, glob};
 
+use crate::files::matching;
 use kept::Runs;
 use sps_experiment::files::{read_text, write_atomically};
 use sps_report::figure_files;
@@ -40,14 +40,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.check {
         return check(root);
     }
-    let mut written = Vec::new();
+    let print = |files: Vec<PathBuf>| {
+        for file in files {
+            println!("{}", file.display());
+        }
+    };
     for run in &args.runs {
-        written.extend(keep(root, run)?);
+        print(keep(root, run)?);
     }
-    written.extend(write(root)?);
-    for file in written {
-        println!("{}", file.display());
-    }
+    print(write(root)?);
     Ok(())
 }
 
@@ -82,7 +83,7 @@ fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Writes every marked place below `root` anew, from what `docs/measured` keeps; returns the pages
-/// that changed. An error names every marker that nothing can be written for.
+/// that changed. An error names every marker that nothing can be written for; all others are written.
 fn write(root: &Path) -> Result<Vec<PathBuf>> {
     let mut pages = pages(root)?;
     pages.retain(|page| !page.edited.is_empty() || !page.unanswered.is_empty());
@@ -124,14 +125,6 @@ fn paths(root: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = vec![root.join("README.md")];
     paths.extend(matching(root, "docs/**/*.md")?);
     Ok(paths)
-}
-
-/// The files below `root` that match a pattern, by name.
-pub(crate) fn matching(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
-    let root = Pattern::escape(&root.to_string_lossy());
-    let pattern = Path::new(&root).join(pattern);
-    let paths = glob(&pattern.to_string_lossy())?;
-    Ok(paths.collect::<Result<_, _>>()?)
 }
 
 /// What opens a marker, `<!-- NAME: WORDS -->`; `<!-- /NAME -->` closes it.

@@ -202,22 +202,37 @@ fn apart(
     }
 }
 
-/// The rerun, truths and estimates as a score takes them, and their units.
-type Judged = (usize, [Vec<f64>; 2], Vec<usize>);
+/// What is scored, and of which units.
+struct Judged {
+    rerun: usize,
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
+    units: Vec<usize>,
+}
 
 fn judged(kind: Kind, all: &[&[Held]], units: &Outcomes) -> Vec<Judged> {
-    let all = all.iter().copied().flatten();
-    all.map(|held| (held.rerun, held.judged(kind), units.units_of(held)))
-        .collect()
+    let judged = all.iter().copied().flatten().map(|held| {
+        let [truth, estimate] = held.judged(kind);
+        Judged {
+            rerun: held.rerun,
+            truth,
+            estimate,
+            units: units.units_of(held),
+        }
+    });
+    judged.collect()
 }
 
 fn scored(kind: Kind, all: &[Judged]) -> Result<Vec<Scored<'_>>, IntervalError> {
-    let scored = all.iter().map(|(rerun, [truth, estimate], units)| {
+    let scored = all.iter().map(|judged| {
         Ok(Scored {
             metric: kind.metric()?,
-            samples: Samples { truth, estimate },
-            units: Some(units),
-            rerun: *rerun,
+            samples: Samples {
+                truth: &judged.truth,
+                estimate: &judged.estimate,
+            },
+            units: Some(&judged.units),
+            rerun: judged.rerun,
         })
     });
     scored.collect()

@@ -26,9 +26,22 @@ struct Numbers {
     clear: bool,
 }
 
-/// The signs of a difference that is clear of 0.
-pub(super) const ABOVE: &str = "▲";
-const BELOW: &str = "▼";
+/// On which side of 0 a difference lies that is clear of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    Above,
+    Below,
+}
+
+impl Side {
+    /// For the eye.
+    pub(super) const fn sign(self) -> &'static str {
+        match self {
+            Self::Above => "▲",
+            Self::Below => "▼",
+        }
+    }
+}
 
 impl Cell {
     /// A number with so many decimals.
@@ -126,10 +139,11 @@ impl Cell {
         value.or(ends.map(|[low, _]| low))
     }
 
-    /// Of a difference that is clear of 0, on which side of it that lies.
-    pub(super) fn sign(&self) -> Option<&'static str> {
+    /// None where it is not clear of 0.
+    pub(super) fn side(&self) -> Option<Side> {
         let numbers = self.numbers.filter(|numbers| numbers.clear)?;
-        Some(if numbers.value? > 0.0 { ABOVE } else { BELOW })
+        let is_above = numbers.value? > 0.0;
+        Some(if is_above { Side::Above } else { Side::Below })
     }
 }
 
@@ -147,7 +161,7 @@ impl fmt::Display for Cell {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(&self.text)?;
         let beside = self.beside.as_deref().into_iter();
-        let mut beside = beside.chain(self.sign());
+        let mut beside = beside.chain(self.side().map(Side::sign));
         beside.try_for_each(|beside| write!(formatter, " {beside}"))
     }
 }
@@ -198,7 +212,7 @@ mod tests {
     fn a_difference_shows_its_side_once_it_is_called_clear() {
         for (value, sign) in [(0.1, "▲"), (-0.1, "▼")] {
             let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], 0.01, 2);
-            assert_eq!((cell.sign(), cell.p()), (None, Some(0.01)));
+            assert_eq!((cell.side(), cell.p()), (None, Some(0.01)));
             cell.call();
             assert!(cell.to_string().ends_with(&format!("] {sign}")), "{cell}");
         }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::cell::ABOVE;
+use super::cell::Side;
 use super::{Cell, Row, Table};
 
 impl Table {
@@ -12,8 +12,11 @@ impl Table {
         let columns =
             columns.map(|(at, title)| json!({ "title": title, "left": self.is_left(at) }));
         let cell = |cell: &Cell| {
-            let sign = cell.sign();
-            let class = sign.map(|sign| if sign == ABOVE { "above" } else { "below" });
+            let sign = cell.side().map(Side::sign);
+            let class = cell.side().map(|side| match side {
+                Side::Above => "above",
+                Side::Below => "below",
+            });
             json!({
                 "value": cell.text, "ends": cell.beside, "rank": cell.rank(), "sign": sign, "class": class,
             })

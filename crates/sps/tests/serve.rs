@@ -260,6 +260,8 @@ fn maps_are_those_of_the_command() {
     known.refused(400, &["property `fRT`", "fRS"]);
     let none = served.post("/map", b"");
     none.refused(400, &["found none", "fRS, cDF"]);
+    let two = served.ask(line, &[FORM], &form(&[file.clone(), file]));
+    two.refused(400, &["found 2 photographs", "expected one to map"]);
 }
 
 #[test]

@@ -123,9 +123,8 @@ fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: b
         println!("  {name:<24}{count:>6}");
     }
     print_labels(inspection.surfaces, labels, after_the_paper);
-    let columns = COLUMNS.split('|').map(str::to_owned);
-    let heading = columns.filter(|column| after_the_paper || column != "published");
-    let heading = heading.collect();
+    let columns = &COLUMNS[..COLUMNS.len() - usize::from(!after_the_paper)];
+    let heading = columns.iter().map(|&column| column.to_owned()).collect();
     let lines = inspection.properties.iter();
     let lines = lines.map(|property| line(property, after_the_paper));
     let lines: Vec<Vec<String>> = [heading].into_iter().chain(lines).collect();
@@ -183,8 +182,20 @@ fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bo
 }
 
 /// Of the table of properties; the last is of five, the published quantiles.
-const COLUMNS: &str =
-    "|measured|missing|minimum|quartile|median|quartile|maximum|outside|repeat|between|published";
+const COLUMNS: [&str; 12] = [
+    "",
+    "measured",
+    "missing",
+    "minimum",
+    "quartile",
+    "median",
+    "quartile",
+    "maximum",
+    "outside",
+    "repeat",
+    "between",
+    "published",
+];
 
 fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
     let decimals = decimals(spread(property.quantiles));

@@ -195,7 +195,7 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
     let accepted = accepted.and_then(|value| value.to_str().ok());
     let as_numbers = accepted.is_some_and(|media| media.contains("application/json"));
     let draw = move |service: &Service, photographs: &[Photograph]| {
-        let photograph = single(photographs)?;
+        let photograph = single(photographs, "one to map")?;
         let resize = query.resize.map(|pixels| pixels as usize);
         let scale = resize.map_or(Scale::Keep, Scale::ShorterSide);
         let frames = service.decoded(photographs, scale)?;

@@ -99,11 +99,14 @@ impl Service {
     }
 }
 
-/// The one photograph that there must be.
-pub(super) fn single(photographs: &[Photograph]) -> Result<&Photograph, Failure> {
+/// The one photograph that there must be, `expected` in words.
+pub(super) fn single<'a>(
+    photographs: &'a [Photograph],
+    expected: &str,
+) -> Result<&'a Photograph, Failure> {
     let [photograph] = photographs else {
         let found = photographs.len();
-        let message = format!("found {found} photographs, expected one at a time");
+        let message = format!("found {found} photographs, expected {expected}");
         return Err(Failure::bad(message));
     };
     Ok(photograph)

@@ -50,13 +50,14 @@ async fn serve(model: Estimator, settings: Settings, address: SocketAddr) -> Res
     let watched = Arc::new(GracefulShutdown::new());
     let accepting = tokio::spawn(accept(listener, http, app, watched.clone()));
     told.await;
-    let again = told_to_end()?;
     accepting.abort();
     let _ = accepting.await;
-    tokio::spawn(async move {
-        again.await;
-        std::process::exit(1);
-    });
+    if let Ok(again) = told_to_end() {
+        tokio::spawn(async move {
+            again.await;
+            std::process::exit(1);
+        });
+    }
     // Nothing else holds it once no more connections come.
     if let Some(connections) = Arc::into_inner(watched) {
         connections.shutdown().await;

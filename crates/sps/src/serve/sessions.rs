@@ -104,7 +104,7 @@ pub(super) async fn look(
         Failure::new(StatusCode::NOT_FOUND, message)
     })?;
     let look = move |service: &Service, photographs: &[Photograph]| {
-        single(photographs)?;
+        single(photographs, "one at a time")?;
         let frames = service.decoded(photographs, scale)?;
         let mut session = session.lock().map_err(|error| Failure::internal(&error))?;
         if session.next_angle().is_none() {

@@ -166,14 +166,14 @@ impl Tab {
         self.call("DOM.setFileInputFiles", &files);
     }
 
-    /// Errors and warnings that the page printed, was refused or did not catch.
+    /// What the page printed, was refused or did not catch.
     pub(crate) fn problems(&self) -> Vec<String> {
-        let problem = |event: &&Value| match event["method"].as_str() {
-            Some("Runtime.exceptionThrown") => true,
-            Some("Runtime.consoleAPICalled") => event["params"]["type"] != "log",
-            Some("Log.entryAdded") => event["params"]["entry"]["level"] != "info",
-            _ => false,
-        };
+        const PROBLEMS: [&str; 3] = [
+            "Runtime.exceptionThrown",
+            "Runtime.consoleAPICalled",
+            "Log.entryAdded",
+        ];
+        let problem = |event: &&Value| PROBLEMS.iter().any(|problem| event["method"] == *problem);
         let problems = self.events.iter().filter(problem);
         problems.map(Value::to_string).collect()
     }

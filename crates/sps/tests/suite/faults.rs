@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-use crate::support::{Mounted, Scratch, copy, tree};
+use crate::support::{Mounted, Scratch, copy, tree, wait};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
@@ -158,15 +158,22 @@ impl Faults {
         }
     }
 
-    /// Kills runs at random moments and has them go on, until so many were killed.
+    /// Kills runs, the first once trials are on disk and others at random moments, and has them go on, until so
+    /// many were killed.
     fn kill(&mut self, kills: usize) {
         self.begin_again();
         let mut before = Contents::default();
         let mut killed = 0;
+        let journal = self.path(JOURNALS[0]);
+        let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
         while killed < kills {
             let delay = self.takes * self.draw(1000) as u32 / 1000;
             let mut run = self.start("run");
-            std::thread::sleep(delay);
+            if killed == 0 {
+                wait(&mut run, begun);
+            } else {
+                std::thread::sleep(delay);
+            }
             // Not an error where the run has ended by itself.
             let _ = run.kill();
             let ended = end(run);
@@ -231,7 +238,9 @@ impl Faults {
             let all = tree(&self.path(folder)).into_iter();
             all.map(move |(name, bytes)| (format!("{folder}/{}", name.display()), bytes))
         };
-        let all = ["run", "cache"].into_iter().flat_map(of_folder);
+        let folders = ["run", "cache"].into_iter();
+        let there = folders.filter(|folder| self.path(folder).is_dir());
+        let all = there.flat_map(of_folder);
         all.filter(|(name, _)| self.path(name).is_file()).collect()
     }
 

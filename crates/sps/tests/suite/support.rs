@@ -25,11 +25,16 @@ pub(crate) fn sps() -> Command {
     command
 }
 
-/// Kills a process once it has `begun`, or lets it end before that; whether it was killed.
-pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool {
+/// Waits until a process has `begun`, or has ended.
+pub(crate) fn wait(child: &mut process::Child, begun: impl Fn() -> bool) {
     while !begun() && child.try_wait().expect("a process").is_none() {
         std::thread::yield_now();
     }
+}
+
+/// Kills a process once it has `begun`, or lets it end before that; whether it was killed.
+pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool {
+    wait(&mut child, begun);
     let _ = child.kill();
     child.wait().expect("a process").code().is_none()
 }
@@ -332,7 +337,7 @@ pub(crate) fn rows<T: DeserializeOwned>(text: &str) -> Vec<T> {
 /// Everything below a folder, with the bytes of files.
 pub(crate) fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).into_iter().flatten() {
+    for entry in fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
         let name = PathBuf::from(path.file_name().expect("a name"));
         if path.is_dir() {

@@ -245,6 +245,11 @@ impl Stage {
 
     /// The values of every property that are not those of [`Stage::expected`], for each surface.
     fn values(&self, embeddings: &Embeddings) -> Result<Vec<Option<Vec<f64>>>> {
+        if self.groups.iter().all(|group| group.whole.is_none()) {
+            // Without a copy of the embeddings for each group: those of a map are large.
+            let count = self.groups.iter().map(|group| group.properties.len()).sum();
+            return Ok(vec![None; count]);
+        }
         self.of_groups(embeddings, |group, embeddings| {
             let estimates = group.whole.as_ref().map(|whole| whole.predict(embeddings));
             let estimates = estimates.transpose()?.into_iter().flatten();

@@ -226,8 +226,10 @@ impl Fitting<'_> {
         }
         let stages = self.steps.iter().map(|&views| {
             let groups = groups.iter();
-            let groups = groups.map(|(looked, properties)| {
-                self.group(&looked[..views.min(looked.len())], properties, &folds)
+            let groups = groups.map(|(&looked, properties)| {
+                let one_by_one = self.recipe.one_by_one;
+                let looked = if one_by_one { &looked[..views] } else { looked };
+                self.group(looked, properties, &folds)
             });
             Ok(Stage {
                 views,

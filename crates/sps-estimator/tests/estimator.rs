@@ -14,7 +14,7 @@ use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_regress::kernel_ridge::KernelRidge;
 use sps_regress::ridge::Ridge;
-use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun};
+use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun, Views};
 use support::{Tables, embedder, photograph, read_again, recipe, refused, ridge};
 
 fn kernel() -> Regression {
@@ -110,6 +110,25 @@ fn all_surfaces_are_fitted_to_where_none_calibrates() {
     }
     assert!(predictions.familiar.is_some());
     assert_eq!(estimator.no_interval().len(), 2);
+}
+
+/// A view that is looked at twice counts twice, and hides none behind it.
+#[test]
+fn a_view_may_be_looked_at_twice() {
+    let tables = Tables::new(30, 2, 1);
+    let mut recipe = recipe(ridge(), &[0, 0, 1]);
+    recipe.calibration.share = None;
+    let rerun = Rerun::new(0, tables.all());
+    let plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
+    let plan = plan.with_views(&Views::Fixed(vec![0, 0, 1]));
+    let ridge = Ridge::default().train(&tables.examples().data, &plan);
+    let seen = tables.embeddings.select(&tables.all(), &[0, 0, 1]).unwrap();
+    let expected = ridge.unwrap().predict(&seen).unwrap();
+    let fitted = tables.fit(&recipe).unwrap();
+    let predictions = fitted.predict(&tables.embeddings).unwrap();
+    for (found, expected) in predictions.properties.iter().zip(&expected) {
+        assert_eq!(found.values, expected.values);
+    }
 }
 
 #[test]

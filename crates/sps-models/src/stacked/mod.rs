@@ -53,7 +53,9 @@ macro_rules! for_element {
                 type $type = f64;
                 $call
             }
-            other => candle_core::bail!("{other:?} is neither f32 nor f64"),
+            other => {
+                candle_core::bail!("{}: {other:?} is neither f32 nor f64", stringify!($tensor))
+            }
         }
     };
 }

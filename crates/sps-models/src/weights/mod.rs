@@ -255,12 +255,16 @@ fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind
     let values = values.and_then(|tensor| tensor.flatten_all()?.to_vec1());
     Ok(RawTensor {
         shape: tensor.dims().to_vec(),
-        values: values.map_err(|error| WeightsErrorKind::tensor(name, error))?,
+        values: values.map_err(|error| not_taken(name, &error))?,
     })
 }
 
 fn checked(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
     raw.check(name)?;
     let tensor = Tensor::from_vec(raw.values, raw.shape, &Device::Cpu);
-    tensor.map_err(|error| WeightsErrorKind::tensor(name, error))
+    tensor.map_err(|error| not_taken(name, &error))
+}
+
+fn not_taken(name: &str, error: &candle_core::Error) -> WeightsErrorKind {
+    WeightsErrorKind::tensor(name, format_args!("cannot be taken: {error}"))
 }

@@ -136,6 +136,12 @@ mod hard_cases {
         );
         let tensor = b"ctorch._utils\n_rebuild_tensor_v2\n)R.";
         refused(tensor, 34, "a call of RebuildTensor with other arguments");
+        let tensor = b"ctorch._utils\n_rebuild_tensor_v2\n(NNNNtR.";
+        refused(
+            tensor,
+            39,
+            "a tensor of what is no storage, shape and strides",
+        );
         refused(
             b"ctorch\nFloatStorage\n)R.",
             21,

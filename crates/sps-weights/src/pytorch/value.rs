@@ -236,6 +236,9 @@ impl Heap {
                     ..,
                 ],
             ) => self.tensor(storage, offset, shape, strides),
+            (Global::RebuildTensor, [_, _, _, _, ..]) => {
+                Err("a tensor of what is no storage, shape and strides".to_owned())
+            }
             (Global::RebuildParameter, &[Value::Tensor(tensor), ..]) => Ok(Value::Tensor(tensor)),
             _ => Err(format!("a call of {global:?} with other arguments")),
         }

@@ -21,6 +21,27 @@ pub struct Pair {
 /// Every score returns an [`Outcome`]: a [`Score`](crate::Score), or an [`Undefined`] that says why there is none. All
 /// of them return [`Undefined::Empty`], [`Undefined::LengthMismatch`], [`Undefined::NonFinite`] and
 /// [`Undefined::OutOfRange`] where these apply; each lists what else it returns.
+///
+/// ```
+/// use sps_metrics::{Intervals, Level, Metric, Samples, Scored, TrainingMean};
+///
+/// let samples = Samples {
+///     truth: &[12.0, 35.0, 0.0, 61.0, 44.0, 27.0],
+///     estimate: &[15.0, 33.0, 4.0, 58.0, 49.0, 27.0],
+/// };
+/// let mean = TrainingMean::of(&[20.0, 40.0, 36.0])?;
+/// let r2 = samples.r2(mean)?.value;
+/// assert_eq!(r2, 1.0 - 63.0 / 2443.0);
+///
+/// // A truth of zero has no percentage: it is left out and counted.
+/// let percent = samples.median_percent_error()?;
+/// assert_eq!((percent.samples, percent.zero_truths), (5, 1));
+///
+/// let scored = Scored::new(Metric::R2(mean), samples);
+/// let interval = Intervals::of_models(Level::P95).interval(&[scored])?;
+/// assert!(interval.low < r2 && r2 < interval.high);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Samples<'a> {
     /// The measured values.

@@ -23,6 +23,11 @@ pub trait FittedModel: Clone + Send + Sync + 'static {
 }
 
 impl<M: FittedModel> Fitted<M> {
+    /// The models, in the order of the plan.
+    pub fn models(&self) -> &[M] {
+        &self.0
+    }
+
     /// Reads what [`FittedRegressor::to_bytes`] gave.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self> {
         M::from_bytes(bytes).map(Self)

@@ -221,6 +221,26 @@ pub struct TrainedKernelRidge {
     support: Arc<Support>,
 }
 
+impl TrainedKernelRidge {
+    /// The penalty that was chosen, in the units of [`KernelRidgeConfig::penalties`]; `None` where
+    /// the mean of the training readings is the estimate.
+    pub fn penalty(&self) -> Option<f64> {
+        self.fit.expansion.as_ref().map(|e| e.penalty)
+    }
+
+    /// The kernel that was chosen; `None` where the mean of the training readings is the estimate.
+    pub fn shape(&self) -> Option<Shape> {
+        self.fit.expansion.as_ref().map(|e| e.shape)
+    }
+
+    /// Mean squared error, in squared measured units, of each training surface or unit when it is left out,
+    /// with the kernel and penalty that were chosen; `None` of a single surface. As the least of many, it lies
+    /// slightly below the error of a new one.
+    pub fn left_out_error(&self) -> Option<f64> {
+        self.fit.left_out_error
+    }
+}
+
 /// Fitted kernel ridge regressions.
 pub type TrainedKernelRidges = Fitted<TrainedKernelRidge>;
 
@@ -291,9 +311,9 @@ impl<'a> Sharing<'a> {
         let shared = sharing(models.iter().map(|ridge| &ridge.support));
         let of = |(support, ridges): (_, Vec<usize>)| {
             let mut shapes = Vec::new();
-            for expansion in ridges.iter().flat_map(|&at| &models[at].fit.expansion) {
-                if !shapes.contains(&expansion.shape) {
-                    shapes.push(expansion.shape);
+            for shape in ridges.iter().filter_map(|&at| models[at].shape()) {
+                if !shapes.contains(&shape) {
+                    shapes.push(shape);
                 }
             }
             Self {

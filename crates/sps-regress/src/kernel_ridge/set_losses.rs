@@ -223,9 +223,9 @@ mod tests {
             for views in [&[2][..], &[3, 0], &[1, 0, 1], &[0, 1, 2, 3]] {
                 let trained = set.train(&config, 30, views).unwrap();
                 let found = losses.losses(views).unwrap();
-                for ((found, ridge), column) in found.iter().zip(&trained.0).zip(&columns) {
+                for ((found, ridge), column) in found.iter().zip(trained.models()).zip(&columns) {
                     let values: Vec<f64> = column[..30].iter().flatten().copied().collect();
-                    let expected = ridge.fit.left_out_error.unwrap() / variance(&values);
+                    let expected = ridge.left_out_error().unwrap() / variance(&values);
                     assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
                 }
                 let turned: Vec<usize> = views.iter().rev().copied().collect();

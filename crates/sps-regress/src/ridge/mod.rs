@@ -13,6 +13,7 @@
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
 //! let trained = Ridge::default().train(&data, &plan)?;
+//! assert_eq!(trained.models()[0].penalty(), 0.01); // the least of those tried
 //! let estimates = trained.predict(&embeddings.select(&[2], &[0])?)?;
 //! assert!((estimates[0].values[0] - 30.0).abs() < 1e-3);
 //! # Ok::<(), sps_regress::Error>(())
@@ -97,7 +98,6 @@ impl Ridge {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct TrainedRidge {
     trial: Trial,
-    /// The one that was chosen, in the units of [`RidgeConfig::penalties`].
     penalty: f64,
     intercept: f64,
     /// `(views x width)`.
@@ -108,6 +108,11 @@ pub struct TrainedRidge {
 pub type TrainedRidges = Fitted<TrainedRidge>;
 
 impl TrainedRidge {
+    /// The penalty that was chosen, in the units of [`RidgeConfig::penalties`].
+    pub fn penalty(&self) -> f64 {
+        self.penalty
+    }
+
     /// One estimate per surface.
     fn predict(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
         if embeddings.views() * embeddings.width() != self.weights.len() {

@@ -71,7 +71,8 @@ fn the_weights_are_those_of_the_epoch_that_is_best_on_the_validation_part() {
         assert_eq!(head.history().len(), 8);
         if found.epoch > 0 {
             let there = &by_epochs[found.epoch - 1].heads()[at];
-            assert_eq!(weights(head), weights(there));
+            let bits = |head| -> Vec<u64> { weights(head).into_iter().map(f64::to_bits).collect() };
+            assert_eq!(bits(head), bits(there));
         }
         epochs.push(found.epoch);
     }

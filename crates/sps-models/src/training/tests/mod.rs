@@ -143,7 +143,7 @@ fn an_encoder_learns_what_its_images_show() {
     assert!(validation.accuracy > 0.9, "{validation:?}");
 }
 
-/// A training of two epochs ends with the same bits on three threads, and where it was stopped after the first
+/// A training of three epochs ends with the same bits on three threads, and where it was stopped after the first
 /// and goes on by `resume` from its state on two.
 fn ends_alike(
     source: &dyn ImageSource,
@@ -157,7 +157,7 @@ fn ends_alike(
             if stopped {
                 trainer = resume(&trainer.to_bytes().unwrap());
             }
-            epochs(&mut trainer, source, 1);
+            epochs(&mut trainer, source, 2);
             let (history, state) = (trainer.history().to_vec(), trainer.to_bytes().unwrap());
             (history, state, bytes(trainer))
         })

@@ -12,7 +12,7 @@ fn one_surface_is_its_own_mean_and_equal_ones_get_theirs() {
         let config = config(kernel, &[1e-9, 0.1], &[1.0]);
         let trained = one.train(&config, 3, &[0]).unwrap();
         assert_eq!(estimates(&trained, &one.embeddings), [7.0; 3]);
-        assert_eq!(trained.0[0].fit.left_out_error, None);
+        assert_eq!(trained.models()[0].left_out_error(), None);
         let trained = equal.train(&config, 5, &[0]).unwrap();
         assert_eq!(estimates(&trained, &equal.embeddings), [3.0; 5]);
     }
@@ -82,6 +82,25 @@ fn what_does_not_fit_is_refused() {
     plan.trials[0].views = Views::Random;
     let ridge = KernelRidge::default();
     assert!(ridge.train(&set.data(), &plan).is_err());
+}
+
+/// On two views; the first two regressions share their training surfaces.
+#[test]
+fn stored_regressions_are_what_they_were() {
+    let shape = (30, 2, 4);
+    let mut gaps = smooth(shape);
+    gaps[0] = None;
+    let columns = [smooth(shape), column("kernel.noise", 30), gaps];
+    let set = Set::new(shape, &columns);
+    let trained = set.train(&KernelRidgeConfig::default(), 25, &[0, 1]);
+    let trained = trained.unwrap();
+    let bytes = trained.to_bytes().unwrap();
+    let again = TrainedKernelRidges::from_bytes(&bytes).unwrap();
+    assert_eq!(trained, again);
+    assert_eq!(again.to_bytes().unwrap(), bytes);
+    for length in 0..bytes.len() {
+        assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
+    }
 }
 
 /// Readings whose mean leaves f64, and such whose squares do.

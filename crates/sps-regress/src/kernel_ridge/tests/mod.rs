@@ -151,12 +151,6 @@ fn part(kernel: &Array2<f64>, rows: &[usize], columns: &[usize]) -> Array2<f64> 
     kernel.select(Axis(0), rows).select(Axis(1), columns)
 }
 
-/// The kernel and penalty of the first regression; none where it is the mean.
-fn chosen(trained: &TrainedKernelRidges) -> Option<(Shape, f64)> {
-    let expansion = trained.0[0].fit.expansion.as_ref();
-    expansion.map(|expansion| (expansion.shape, expansion.penalty))
-}
-
 /// Of the first property.
 fn estimates(fitted: &dyn FittedRegressor, embeddings: &Embeddings) -> Vec<f64> {
     fitted.predict(embeddings).unwrap().remove(0).values
@@ -175,7 +169,7 @@ fn the_fit_solves_the_normal_equations() {
             let trained = set.train(&config(kernel, &[0.02], &[1.5]), 30, views);
             let trained = trained.unwrap();
             let found = estimates(&trained, &set.embeddings.select(&all, views).unwrap());
-            assert_eq!(chosen(&trained).unwrap().1, 0.02);
+            assert_eq!(trained.models()[0].penalty(), Some(0.02));
             let among = part(&whole, &training, &training);
             let (coefficients, intercept) = direct(&among, &values, 0.02 * trace(&among));
             let expected = part(&whole, &all, &training).dot(&coefficients) + intercept;
@@ -318,7 +312,11 @@ fn later_blocks_count_more_where_a_kernel_leans() {
     let mut config = config(Kernel::Exponential, &[0.02], &[1.5]);
     config.kernels[0].leaning = 2.0;
     let trained = set.train(&config, 20, &[0]).unwrap();
-    assert_eq!(chosen(&trained), Some((config.kernels[0], 0.02)));
+    let ridge = &trained.models()[0];
+    assert_eq!(
+        (ridge.shape(), ridge.penalty()),
+        (Some(config.kernels[0]), Some(0.02))
+    );
     let found = estimates(&trained, &set.embeddings.select(&new, &[0]).unwrap());
     close(&found, &expected.to_vec(), 1e-9);
 
@@ -374,9 +372,10 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
         }
         let best = errors.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         let (error, shape, penalty) = best.unwrap();
-        assert_eq!(chosen(&trained), Some((shape, penalty)));
-        let found = trained.0[0].fit.left_out_error.unwrap();
-        assert!((found / error - 1.0).abs() < 1e-9);
+        let ridge = &trained.models()[0];
+        let found = (ridge.shape(), ridge.penalty());
+        assert_eq!(found, (Some(shape), Some(penalty)));
+        assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
         let level = values.iter().sum::<f64>() / 25.0;
         let variance = values.iter().map(|v| (v - level).powi(2)).sum::<f64>() / 25.0;
         let loss = set.losses(&data, 25, &config, &[0, 1])[0];
@@ -392,14 +391,14 @@ fn what_cannot_be_predicted_gets_the_mean() {
     let trained = trained.unwrap();
     let values: Vec<f64> = column("kernel.noise", 30).into_iter().flatten().collect();
     let mean = values.iter().sum::<f64>() / 30.0;
-    assert_eq!(chosen(&trained), None);
+    let ridge = &trained.models()[0];
+    assert_eq!((ridge.shape(), ridge.penalty()), (None, None));
     close(&estimates(&trained, &set.embeddings), &[mean; 40], 1e-12);
     // The mean of all others.
     let of_others = |v: &f64| (mean * 30.0 - v) / 29.0;
     let errors = values.iter().map(|v| (v - of_others(v)).powi(2));
     let error = errors.sum::<f64>() / 30.0;
-    let found = trained.0[0].fit.left_out_error.unwrap();
-    assert!((found / error - 1.0).abs() < 1e-12);
+    assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
 }
 
 #[test]
@@ -416,7 +415,7 @@ fn the_linear_kernel_is_ridge_regression() {
     let penalty = penalty / 10.0 * 30.0 / 29.0;
     let trained = set.train(&config(Kernel::Linear, &[penalty], &[1.0]), 30, &[0, 1]);
     let trained = trained.unwrap();
-    assert_eq!(chosen(&trained).unwrap().1, penalty);
+    assert_eq!(trained.models()[0].penalty(), Some(penalty));
     let expected = estimates(&ridge, &set.embeddings);
     close(&estimates(&trained, &set.embeddings), &expected, 1e-9);
 }

@@ -162,7 +162,8 @@ impl Encoder {
         })
     }
 
-    /// The same network with embeddings of other depths. The layers behind the last of them are not run.
+    /// The same network with embeddings of other depths: fine structure is in the earlier ones. The layers behind the last of them are not
+    /// run.
     ///
     /// ```
     /// use candle_core::{DType, Device, Tensor};

@@ -36,8 +36,8 @@ enum Content {
 /// What was handed over, image by image.
 pub(crate) type Images<'py> = Box<dyn Iterator<Item = Result<Image>> + 'py>;
 
-/// The images of a path or object: of a folder those in it by name, of another path or an array of up to three axes
-/// itself; all else is gone through. `of` begins their names in errors.
+/// The images that a path or an object stands for. A folder: those in it, by name. Another path, or an array of up to
+/// three axes: one image. All else is iterated. `of` begins their names in errors.
 pub(crate) fn images<'py>(of: String, images: &Bound<'py, PyAny>) -> Result<Images<'py>> {
     let folder = images.extract::<PathBuf>().ok();
     if let Some(folder) = folder.filter(|path| path.is_dir()) {

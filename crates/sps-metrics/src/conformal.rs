@@ -318,9 +318,13 @@ fn quantile(sized: impl Iterator<Item = (f64, Double)>, reach: f64) -> f64 {
     let mut ascending: Vec<(f64, Double)> = sized.collect();
     ascending.sort_by(|(size, _), (other, _)| size.total_cmp(other));
     let mut sum = Double::default();
-    let reached = ascending.iter().find(|(_, share)| {
-        sum += *share;
-        reaches(sum.value(), reach)
-    });
-    reached.or(ascending.last()).map_or(0.0, |(size, _)| *size)
+    let mut radius = 0.0;
+    for (size, share) in ascending {
+        sum += share;
+        radius = size;
+        if reaches(sum.value(), reach) {
+            break;
+        }
+    }
+    radius
 }

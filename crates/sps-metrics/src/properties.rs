@@ -43,22 +43,12 @@ impl PropertyMean {
         self.properties.len() == self.wanted
     }
 
-    /// Over those of some names and scores that have one; over none where a name is `repeated`.
+    /// Over those of some names and scores that have one.
     fn over<'a>(
         scores: impl Iterator<Item = (&'a str, Result<f64, Undefined>)>,
         wanted: usize,
-        repeated: Option<Undefined>,
     ) -> Self {
-        let mut mean = Self {
-            value: Err(Undefined::NothingDefined { of: wanted }),
-            properties: Vec::new(),
-            left_out: Vec::new(),
-            wanted,
-        };
-        if let Some(repeated) = repeated {
-            mean.value = Err(repeated);
-            return mean;
-        }
+        let mut mean = Self::refused(Undefined::NothingDefined { of: wanted }, wanted);
         let mut moments = Moments::new();
         for (property, value) in scores {
             match value {
@@ -74,6 +64,15 @@ impl PropertyMean {
         }
         mean
     }
+
+    fn refused(reason: Undefined, wanted: usize) -> Self {
+        Self {
+            value: Err(reason),
+            properties: Vec::new(),
+            left_out: Vec::new(),
+            wanted,
+        }
+    }
 }
 
 /// The mean over all properties. Those without a score are left out and reported.
@@ -81,8 +80,10 @@ impl PropertyMean {
 /// A property named twice makes the value [`Undefined::RepeatedProperty`]; no score at all,
 /// [`Undefined::NothingDefined`].
 pub fn mean_over_all(scores: &[PropertyScore]) -> PropertyMean {
-    let repeated = repeated(names(scores));
-    PropertyMean::over(scores.iter().map(checked), scores.len(), repeated)
+    if let Some(repeated) = repeated(names(scores)) {
+        return PropertyMean::refused(repeated, scores.len());
+    }
+    PropertyMean::over(scores.iter().map(checked), scores.len())
 }
 
 /// The mean over a fixed list of properties, such as the paper's top eight. Those without a score,
@@ -105,12 +106,14 @@ pub fn mean_over_all(scores: &[PropertyScore]) -> PropertyMean {
 /// ```
 pub fn mean_over_named<N: AsRef<str>>(scores: &[PropertyScore], wanted: &[N]) -> PropertyMean {
     let listed = wanted.iter().map(AsRef::as_ref);
-    let repeated = repeated(names(scores)).or_else(|| repeated(listed.clone()));
+    if let Some(repeated) = repeated(names(scores)).or_else(|| repeated(listed.clone())) {
+        return PropertyMean::refused(repeated, wanted.len());
+    }
     let found = listed.map(|name| {
         let score = scores.iter().find(|score| score.property == name);
         score.map_or((name, Err(Undefined::NotScored)), checked)
     });
-    PropertyMean::over(found, wanted.len(), repeated)
+    PropertyMean::over(found, wanted.len())
 }
 
 /// The mean over the `count` best properties of this run, by these scores themselves. Of equal
@@ -120,6 +123,9 @@ pub fn mean_over_named<N: AsRef<str>>(scores: &[PropertyScore], wanted: &[N]) ->
 /// A property named twice makes the value [`Undefined::RepeatedProperty`]; no score at all,
 /// [`Undefined::NothingDefined`].
 pub fn mean_over_best(scores: &[PropertyScore], count: usize, better: Better) -> PropertyMean {
+    if let Some(repeated) = repeated(names(scores)) {
+        return PropertyMean::refused(repeated, count);
+    }
     let all = scores.iter().map(checked);
     let (mut best, undefined): (Vec<_>, Vec<_>) = all.partition(|(_, value)| value.is_ok());
     // Adding zero makes -0 and 0 one value.
@@ -129,8 +135,7 @@ pub fn mean_over_best(scores: &[PropertyScore], count: usize, better: Better) ->
         Better::Lower => value(a).total_cmp(&value(b)),
     });
     best.truncate(count);
-    let repeated = repeated(names(scores));
-    PropertyMean::over(best.into_iter().chain(undefined), count, repeated)
+    PropertyMean::over(best.into_iter().chain(undefined), count)
 }
 
 fn names(scores: &[PropertyScore]) -> impl Iterator<Item = &str> {

@@ -139,7 +139,10 @@ fn other_bytes_are_refused() {
 /// Distances between points of a circle, by hand: the chord of an angle a is 2 sin(a / 2).
 #[test]
 fn the_nearest_is_nearest_by_the_mean_over_photographs() {
-    let at = |degrees: f64| <[f64; 2]>::from(degrees.to_radians().sin_cos()).map(|x| x as f32);
+    let at = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [cos as f32, sin as f32]
+    };
     let points = |all: &[f64]| all.iter().copied().flat_map(at).collect::<Vec<f32>>();
     let familiar = familiar(points(&[0.0, 60.0, 90.0, 180.0]), 2);
     let two = points(&[150.0, 0.0, 120.0]);

@@ -102,7 +102,11 @@ fn stem(name: &'static str) -> Network {
 fn wider(channels: usize, width: f64) -> usize {
     let exact = channels as f64 * width;
     let near = (((exact + 4.0) / 8.0) as usize * 8).max(8);
-    near + if (near as f64) < 0.9 * exact { 8 } else { 0 }
+    if (near as f64) < 0.9 * exact {
+        near + 8
+    } else {
+        near
+    }
 }
 
 fn normed(conv: Conv, norm: impl Into<String>) -> Conv {

@@ -97,14 +97,8 @@ impl<W: Real> Kept<W> {
                 let mut memory = memory();
                 if let Some(added) = self.shortcut(*shortcut) {
                     let (onto, target) = (Some((&kept.factors[..], added)), (&mut memory[..], to));
-                    let KeptConv { norm, .. } = &kept.conv;
-                    norm.apply(
-                        context.level,
-                        kept.conv.raw(),
-                        onto,
-                        target,
-                        conv.activation,
-                    );
+                    let (norm, raw) = (&kept.conv.norm, kept.conv.raw());
+                    norm.apply(context.level, raw, onto, target, conv.activation);
                 }
                 (KeptLayer::Residual(Box::new(kept)), Some(memory))
             }

@@ -29,7 +29,8 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    /// Of readings and classes, by trial and row, each with how many of a trial its mean is over.
+    /// From readings and classes, `(trials, rows)`. `measured` and `labelled` say over how many rows each trial's mean
+    /// goes.
     pub(super) fn new(
         visual: Tensor,
         width: usize,

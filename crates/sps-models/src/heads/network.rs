@@ -51,11 +51,10 @@ impl Linear {
     fn new(fill: &mut Fill<'_>, name: &str, inputs: usize, outputs: usize) -> crate::Result<Self> {
         let mut fill = |part: &str, shape: &[usize]| {
             let name = &format!("{name}.{part}");
-            let fan_in = inputs;
             fill(&Spec {
                 name,
                 shape,
-                fan_in,
+                fan_in: inputs,
             })
         };
         Ok(Self {

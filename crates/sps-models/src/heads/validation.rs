@@ -57,11 +57,11 @@ impl<'a> Validation<'a> {
 
     /// The `L_est` of the training mean, which is zero in standardised units, by trial.
     pub(super) fn errors_of_the_mean(&self) -> Vec<f64> {
-        let readings = |job: &&Job<'_>| {
+        let error = |job: &&Job<'_>| {
             let readings = job.validation.tactile.iter().flatten();
             mean_of_squares(readings.map(|&reading| f64::from(reading)))
         };
-        self.jobs.iter().map(readings).collect()
+        self.jobs.iter().map(error).collect()
     }
 
     /// The `L_est` of the networks as they are, by trial.

@@ -111,8 +111,10 @@ pub(super) fn cluster(
     for (&at, &class) in rows.iter().zip(&model.predict(points.records())) {
         of[at] = Some(class as u32);
     }
-    let classes = clusters;
-    Ok(Labels { classes, of })
+    Ok(Labels {
+        classes: clusters,
+        of,
+    })
 }
 
 fn distinct(points: &Array2<f64>) -> usize {

@@ -144,13 +144,11 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
     });
     let classes = targets.classes.as_ref();
     let classes = classes.map(|classes| (&classes.of_image, classes.count));
-    let (
-        materials,
-        Parts {
-            training,
-            validation,
-        },
-    ) = (&targets.materials, parts);
+    let Parts {
+        training,
+        validation,
+    } = parts;
+    let materials = &targets.materials;
     let text = serde_json::to_vec(&(values, classes, materials, training, validation))
         .map_err(|error| Error::input("targets", error, "numbers that JSON has"))?;
     let mut hasher = blake3::Hasher::new();

@@ -57,9 +57,9 @@ impl Targets {
         let labels = self.classes.as_ref().map(|classes| classes.of_image.len());
         let features = self.features.as_ref().map(Features::images).transpose()?;
         let views = self.views();
-        let whole = features.unwrap_or(0);
+        let images = features.unwrap_or(0);
         let expected = format_args!("a multiple of {views}, the views of a surface");
-        require(whole.is_multiple_of(views), "features", whole, expected)?;
+        require(images.is_multiple_of(views), "features", images, expected)?;
         let features = features.map(|images| images / views);
         let start = self.start.as_ref().map(Embeddings::surfaces);
         let materials = self.materials.as_ref().map(Vec::len);

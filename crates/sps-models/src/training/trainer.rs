@@ -322,10 +322,8 @@ impl Trainer {
 }
 
 fn check_finite(what: &'static str, losses: &Losses) -> Result<()> {
-    let (total, expected) = (
-        losses.total(),
-        "a finite loss; a smaller learning rate may help",
-    );
+    let total = losses.total();
+    let expected = "a finite loss; a smaller learning rate may help";
     require(total.is_finite(), what, total, expected)
 }
 

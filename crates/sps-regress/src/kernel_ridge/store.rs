@@ -69,14 +69,12 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         let numbers = numbers.chain(coefficients).chain([&fit.intercept]);
         check_finite(FILE.what, numbers.copied())?;
     }
-    let sharing = Sharing::of(models);
+    // Their training surfaces are named below.
     let stored = |ridge: &TrainedKernelRidge| {
-        let mut supports = sharing.iter().map(|one| one.support);
-        let support = supports.position(|one| Arc::ptr_eq(one, &ridge.support));
         let usual = usual(ridge.support.proximity);
         Stored {
             trial: ridge.trial.clone(),
-            support: support.unwrap_or_default(),
+            support: 0,
             intercept: ridge.fit.intercept,
             left_out_error: ridge.fit.left_out_error,
             expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
@@ -93,13 +91,16 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         ridges: models.iter().map(stored).collect(),
     };
     let mut contents = Vec::new();
-    for (at, sharing) in sharing.iter().enumerate() {
+    for (at, sharing) in Sharing::of(models).iter().enumerate() {
         let support = sharing.support;
         metadata.supports.push(StoredSupport {
             kernel: usual(support.proximity),
             scales: support.scales.clone(),
             blocks: stored_blocks([&support.embeddings].into_iter()),
         });
+        for &ridge in &sharing.ridges {
+            metadata.ridges[ridge].support = at;
+        }
         let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
         let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
         let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();

@@ -43,25 +43,25 @@ pub(super) fn to_bytes(models: &[TrainedNearest]) -> Result<Vec<u8>> {
     let readings = models.iter().flat_map(|one| &one.values);
     check_finite(FILE.what, readings.copied())?;
     let sets = sharing(models.iter().map(|one| &one.embeddings));
-    let stored = |one: &TrainedNearest| {
-        let mut sets = sets.iter().map(|(set, _)| *set);
-        let set = sets.position(|set| Arc::ptr_eq(set, &one.embeddings));
-        Stored {
-            trial: one.trial.clone(),
-            set: set.unwrap_or_default(),
-        }
+    let stored = |one: &TrainedNearest| Stored {
+        trial: one.trial.clone(),
+        set: 0,
     };
+    let mut nearests: Vec<Stored> = models.iter().map(stored).collect();
     let mut contents = Vec::with_capacity(2 * sets.len());
     for (at, (embeddings, places)) in sets.iter().enumerate() {
         let values = |&place: &usize| &models[place].values[..];
         let rows: Vec<&[f64]> = places.iter().map(values).collect();
         contents.extend(Content::set(at, embeddings, "readings", &rows));
+        for &place in places {
+            nearests[place].set = at;
+        }
     }
     let metadata = Metadata {
         format: FILE.format,
         sets: sets.len(),
         blocks: stored_blocks(sets.iter().map(|(embeddings, _)| &***embeddings)),
-        nearests: models.iter().map(stored).collect(),
+        nearests,
     };
     FILE.write(&metadata, &contents)
 }

@@ -129,12 +129,12 @@ impl Objective {
         let width = encoder.iter().map(|block| block.width).sum();
         let images = batches::images(training, targets.views());
         if let Some(start) = &targets.start {
-            let seen = |views, width| format!("{views} views of width {width}");
-            let found = seen(start.views(), start.width());
+            let found = (start.views(), start.width());
             // Of the views that are shown, and by this encoder.
-            let expected = seen(config.objective.views(), width);
+            let expected = (config.objective.views(), width);
+            let seen = |(views, width): (usize, usize)| format!("{views} views of width {width}");
             let what = "what the encoder sees at the start";
-            require(found == expected, what, &found, &expected)?;
+            require(found == expected, what, seen(found), seen(expected))?;
         }
         let taught = taught_by(&targets, config.distillation)?;
         let base = match &config.objective {

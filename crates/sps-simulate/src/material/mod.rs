@@ -6,7 +6,7 @@ mod profile;
 
 pub(crate) use assignment::material_of;
 pub(crate) use colour::{Colours, Palette};
-pub(crate) use profile::{Profile, Structure, Weave};
+pub(crate) use profile::Profile;
 
 use profile::KINDS;
 

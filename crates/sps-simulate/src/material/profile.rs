@@ -7,6 +7,7 @@ use serde::de::IntoDeserializer;
 use serde::de::value::Error;
 
 use super::super::numeric::normal_cdf;
+use super::super::relief::Structure;
 use super::Palette;
 
 /// A range that a parameter is drawn from.
@@ -27,60 +28,6 @@ impl Range {
             self.lo + (self.hi - self.lo) * p
         }
     }
-}
-
-/// How warp and weft cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Weave {
-    /// Over one, under one.
-    Plain,
-    /// Over three, under one, shifted by one each row: diagonal lines.
-    Twill,
-    /// Over four, under one, scattered: long floats.
-    Satin,
-    /// Plain with threads in pairs.
-    Basket,
-}
-
-/// What the height field is built of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Structure {
-    /// Nothing but its microrelief.
-    Smooth,
-    /// A fired glaze: faint waves, specks and a net of fine cracks.
-    Glazed,
-    /// Fine parallel scratches.
-    Brushed,
-    /// Two sets of crossing threads.
-    Woven(Weave),
-    /// Rows of stitches.
-    Knitted,
-    /// Standing loops of yarn.
-    Looped,
-    /// Tufts of cut yarn.
-    Tufted,
-    /// Long aligned hair.
-    Haired,
-    /// Matted fibres.
-    Fibrous,
-    /// Parallel ridges.
-    Ribbed,
-    /// Domes parted by creases.
-    Pebbled,
-    /// Pits in a body.
-    Porous,
-    /// Packed grains.
-    Granular,
-    /// Packed grains of several minerals, ground flat.
-    Speckled,
-    /// Warped veins, ground flat.
-    Veined,
-    /// Growth rings and pores.
-    Grained,
-    /// A repeated raised motif.
-    Embossed,
 }
 
 /// One kind of one material; its fields are in the order of the columns.
@@ -124,7 +71,7 @@ impl Profile {
             per_block: text().parse().expect("a whole number"),
             structure: Structure::named(text()),
             weight: number(text()),
-            palette: named(text()),
+            palette: palette(text()),
             anisotropy: number(text()),
             f0: number(text()),
             coated: number(text()),
@@ -138,19 +85,10 @@ impl Profile {
     }
 }
 
-impl Structure {
-    fn named(name: &'static str) -> Self {
-        match name.strip_prefix("woven ") {
-            Some(weave) => Self::Woven(named(weave)),
-            None => named(name),
-        }
-    }
-}
-
-/// The variant of this name.
-fn named<T: Deserialize<'static>>(name: &'static str) -> T {
-    let named: Result<T, Error> = T::deserialize(name.into_deserializer());
-    named.expect("a name that there is")
+/// The palette of this name.
+fn palette(name: &'static str) -> Palette {
+    let named: Result<Palette, Error> = Palette::deserialize(name.into_deserializer());
+    named.expect("a palette that there is")
 }
 
 #[cfg(test)]
@@ -163,12 +101,8 @@ mod tests {
         // What the latents set, from `Period` to `Tack`.
         let ranges = "pitch mm,order,relief mm,micro um,micro length mm,alpha,sheen,modulus kPa,\
                       loss,relaxation,creep,thickness mm,effusivity,adhesion,tack";
-        let head: Vec<_> = TABLE
-            .lines()
-            .take(1)
-            .flat_map(|head| head.split(','))
-            .collect();
-        assert_eq!(head[9..].join(","), ranges);
+        let head = TABLE.lines().next().unwrap();
+        assert_eq!(head.splitn(10, ',').nth(9), Some(ranges));
         for line in TABLE.lines() {
             assert_eq!(line.split(',').count(), 24, "{line}");
         }
@@ -179,12 +113,8 @@ mod tests {
             let share = kinds[0].per_block;
             assert!(kinds.iter().all(|kind| kind.per_block == share));
             let of_it = |line: &&str| line.split(',').next() == Some(material);
-            let lines = TABLE.lines().filter(of_it);
-            assert_eq!(
-                lines.count(),
-                kinds.len(),
-                "{material}: its lines stand together"
-            );
+            let lines = TABLE.lines().filter(of_it).count();
+            assert_eq!(lines, kinds.len(), "{material}: its lines stand together");
         }
     }
 }

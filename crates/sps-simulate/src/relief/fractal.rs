@@ -30,6 +30,15 @@ impl Fractal {
             direction: 0.0,
         }
     }
+
+    /// With features that are longer along a direction than across.
+    pub(crate) const fn stretched(self, stretch: f64, direction: f64) -> Self {
+        Self {
+            stretch,
+            direction,
+            ..self
+        }
+    }
 }
 
 /// Rings of wave vectors that the variance is counted over, whatever the size of the map, so that
@@ -67,11 +76,10 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
     Fourier::new(n).inverse_2d(&mut re, &mut im);
     // Each of the two fields takes half the power of every coefficient and of its mirror image.
     let scale = (1.0 / (0.5 * power).sqrt()) as f32;
-    let [re, im] = [re, im].map(|mut field| {
-        for value in &mut field {
-            *value *= scale;
-        }
-        Grid::from_data(n, field)
+    let [re, im] = [re, im].map(|field| {
+        let mut grid = Grid::from_data(n, field);
+        grid.map_in_place(|value| value * scale);
+        grid
     });
     (re, im)
 }
@@ -165,11 +173,8 @@ mod tests {
         let (a, b) = pair(256, Fractal::isotropic(0.05, 0.7), &mut stream);
         for grid in [a, b] {
             assert!(grid.mean().abs() < 1e-4);
-            assert!(
-                (grid.deviation() - 1.0).abs() < 0.15,
-                "{}",
-                grid.deviation()
-            );
+            let deviation = grid.deviation();
+            assert!((deviation - 1.0).abs() < 0.15, "{deviation}");
         }
     }
 

@@ -77,12 +77,8 @@ impl Builder<'_> {
     /// Veins where a warped field crosses zero, as in marble.
     pub(super) fn veined(&mut self) -> Layers {
         let length = 0.5 / self.count as f64;
-        let broad = Fractal {
-            length,
-            hurst: 0.75,
-            stretch: 2.0,
-            direction: std::f64::consts::PI * self.stream.unit(),
-        };
+        let direction = std::f64::consts::PI * self.stream.unit();
+        let broad = Fractal::isotropic(length, 0.75).stretched(2.0, direction);
         let (broad, warp) = self.fields(broad);
         let (second, cloud) = self.fields(Fractal::isotropic(0.5 * length, 0.6));
         let width = 0.05 + 0.1 * self.stream.unit() as f32;

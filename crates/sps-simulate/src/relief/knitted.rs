@@ -9,12 +9,10 @@ impl Builder<'_> {
         // A stitch is wider than high.
         let (columns, rows) = (self.count, (self.count as f32 * 1.25).round() as usize);
         let (dx, dy) = self.disorder(0.25, 8.0);
-        let fuzz = self
-            .fields(Fractal::isotropic(0.12 / columns as f64, 0.5))
-            .0;
-        let tones: Vec<f32> = (0..columns * rows)
-            .map(|_| 0.16 * (self.stream.unit() as f32 - 0.5))
-            .collect();
+        let fuzz = Fractal::isotropic(0.12 / columns as f64, 0.5);
+        let fuzz = self.fields(fuzz).0;
+        let tone = |_| 0.16 * (self.stream.unit() as f32 - 0.5);
+        let tones: Vec<f32> = (0..columns * rows).map(tone).collect();
         Layers::of_texels(self.n, |at, u, v| {
             let (a, b) = (u * columns as f32 + dx[at], v * rows as f32 + dy[at]);
             let (z, row_shift, along) = stitch(a, b);
@@ -30,16 +28,11 @@ impl Builder<'_> {
     pub(super) fn ribbed(&mut self) -> Layers {
         let count = self.count as f32;
         let (shift, level) = self.disorder(0.15, 8.0);
-        let lines = Fractal {
-            length: 0.4 / f64::from(count) / 8.0,
-            hurst: 0.6,
-            stretch: 8.0,
-            direction: std::f64::consts::FRAC_PI_2,
-        };
-        let lines = self.fields(lines).0;
-        let tones: Vec<f32> = (0..self.count)
-            .map(|_| 0.2 * (self.stream.unit() as f32 - 0.5) * (1.2 - self.regularity))
-            .collect();
+        let lines = Fractal::isotropic(0.4 / f64::from(count) / 8.0, 0.6);
+        let lines = self.fields(lines.stretched(8.0, std::f64::consts::FRAC_PI_2));
+        let lines = lines.0;
+        let tone = |_| 0.2 * (self.stream.unit() as f32 - 0.5) * (1.2 - self.regularity);
+        let tones: Vec<f32> = (0..self.count).map(tone).collect();
         Layers::of_texels(self.n, |at, u, _| {
             let place = u * count + shift[at];
             let across = (place - place.floor() - 0.5) * 2.0;

@@ -14,10 +14,10 @@ mod woven;
 
 use super::geometry::TILE_MM;
 use super::grid::Grid;
-use super::material::Structure;
 use super::parameters::{Parameters, Specimen};
 use super::stream::{Purpose, Stream};
 use fractal::Fractal;
+use woven::Weave;
 
 pub(crate) use print::print_mask;
 
@@ -57,6 +57,54 @@ impl Layers {
     }
 }
 
+/// What the height field is built of: one of [`STRUCTURES`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Structure(usize);
+
+type Row = (&'static str, usize, f32, fn(&mut Builder<'_>) -> Layers);
+
+/// Of each its name in `ranges.csv`, the threads or motifs after which it repeats, how much dye and dirt its
+/// hollows hold (0 to 1; polished ones hold none), and what builds it.
+static STRUCTURES: [Row; 20] = [
+    ("smooth", 1, 0.0, |b| b.smooth()),
+    ("glazed", 1, 0.0, |b| b.glazed()),
+    ("brushed", 1, 0.0, |b| b.brushed()),
+    ("embossed", 2, 0.0, |b| b.embossed()),
+    ("woven plain", 2, 1.0, |b| b.woven(Weave::Plain)),
+    ("woven twill", 4, 1.0, |b| b.woven(Weave::Twill)),
+    ("woven satin", 5, 1.0, |b| b.woven(Weave::Satin)),
+    ("woven basket", 4, 1.0, |b| b.woven(Weave::Basket)),
+    ("knitted", 1, 1.0, |b| b.knitted()),
+    ("ribbed", 1, 1.0, |b| b.ribbed()),
+    ("looped", 1, 1.0, |b| b.looped()),
+    ("tufted", 1, 1.0, |b| b.tufted()),
+    ("haired", 1, 1.0, |b| b.haired()),
+    ("fibrous", 1, 1.0, |b| b.fibrous()),
+    ("pebbled", 1, 0.5, |b| b.pebbled()),
+    ("porous", 1, 1.0, |b| b.porous()),
+    ("granular", 1, 1.0, |b| b.granular()),
+    ("speckled", 1, 0.0, |b| b.speckled()),
+    ("veined", 1, 0.0, |b| b.veined()),
+    ("grained", 1, 0.5, |b| b.grained()),
+];
+
+impl Structure {
+    pub(crate) fn named(name: &str) -> Self {
+        let place = STRUCTURES.iter().position(|row| row.0 == name);
+        Self(place.expect("a structure that there is"))
+    }
+
+    /// Threads or motifs after which it repeats.
+    fn threads(self) -> usize {
+        STRUCTURES[self.0].1
+    }
+
+    /// How much dye and dirt its hollows hold, 0 to 1.
+    pub(crate) fn dirt(self) -> f32 {
+        STRUCTURES[self.0].2
+    }
+}
+
 /// What a structure's builder starts from.
 struct Builder<'a> {
     /// Texels across, a power of two.
@@ -71,11 +119,7 @@ struct Builder<'a> {
 /// How often the structure repeats in one period.
 pub(crate) fn repeats(parameters: &Parameters) -> usize {
     let exact = TILE_MM / parameters.period_mm;
-    let multiple = match parameters.profile.structure {
-        Structure::Woven(weave) => woven::repeat(weave),
-        Structure::Embossed => 2,
-        _ => 1,
-    };
+    let multiple = parameters.profile.structure.threads();
     ((exact / multiple as f64).round() as usize).max(1) * multiple
 }
 
@@ -88,7 +132,8 @@ pub(crate) fn layers(specimen: &Specimen, parameters: &Parameters, n: usize) -> 
         regularity: parameters.regularity as f32,
         stream: &mut stream,
     };
-    let mut layers = builder.structure(parameters.profile.structure);
+    let (.., build) = STRUCTURES[parameters.profile.structure.0];
+    let mut layers = build(&mut builder);
     layers.height.standardise(parameters.relief_mm as f32);
     let micro = Fractal::isotropic(parameters.micro_length_mm / TILE_MM, 0.6);
     let (micro, fade) = builder.fields(micro);
@@ -99,28 +144,6 @@ pub(crate) fn layers(specimen: &Specimen, parameters: &Parameters, n: usize) -> 
 }
 
 impl Builder<'_> {
-    fn structure(&mut self, structure: Structure) -> Layers {
-        match structure {
-            Structure::Smooth => self.smooth(),
-            Structure::Glazed => self.glazed(),
-            Structure::Brushed => self.brushed(),
-            Structure::Embossed => self.embossed(),
-            Structure::Woven(weave) => self.woven(weave),
-            Structure::Knitted => self.knitted(),
-            Structure::Ribbed => self.ribbed(),
-            Structure::Looped => self.looped(),
-            Structure::Tufted => self.tufted(),
-            Structure::Haired => self.haired(),
-            Structure::Fibrous => self.fibrous(),
-            Structure::Pebbled => self.pebbled(),
-            Structure::Porous => self.porous(),
-            Structure::Granular => self.granular(),
-            Structure::Speckled => self.speckled(),
-            Structure::Veined => self.veined(),
-            Structure::Grained => self.grained(),
-        }
-    }
-
     /// Two smooth fields that displace the structure by about `share` of a repeat where there is
     /// no order, varying over `repeats` of them.
     fn disorder(&mut self, share: f32, repeats: f32) -> (Grid, Grid) {

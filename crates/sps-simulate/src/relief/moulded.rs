@@ -24,9 +24,8 @@ impl Builder<'_> {
         let clear = self.smooth();
         let specks = Cells::new(self.count * 3, 0.95, self.stream);
         let net = Cells::new((self.count * 3).div_ceil(4), 0.95, self.stream);
-        let sizes: Vec<f32> = (0..specks.len())
-            .map(|_| 0.42 * self.stream.unit() as f32 - 0.14)
-            .collect();
+        let size = |_| 0.42 * self.stream.unit() as f32 - 0.14;
+        let sizes: Vec<f32> = (0..specks.len()).map(size).collect();
         let stain = 0.1 + 0.35 * self.stream.unit() as f32;
         let (dx, dy) = self.disorder(0.8, 2.0);
         let (fine, wide) = (self.count as f32 * 3.0, (self.count * 3).div_ceil(4) as f32);
@@ -44,18 +43,11 @@ impl Builder<'_> {
 
     /// Parallel scratches over a faint waviness.
     pub(super) fn brushed(&mut self) -> Layers {
-        let direction = if self.stream.chance(0.5) {
-            0.0
-        } else {
-            FRAC_PI_2
-        };
-        let scratch = Fractal {
-            length: 0.08 / self.count as f64,
-            hurst: 0.5,
-            stretch: 60.0,
-            direction: direction + 0.03 * (self.stream.unit() - 0.5),
-        };
-        let (height, streaks) = self.fields(scratch);
+        let upright = self.stream.chance(0.5);
+        let direction = if upright { 0.0 } else { FRAC_PI_2 };
+        let direction = direction + 0.03 * (self.stream.unit() - 0.5);
+        let scratch = Fractal::isotropic(0.08 / self.count as f64, 0.5);
+        let (height, streaks) = self.fields(scratch.stretched(60.0, direction));
         let waviness = self.fields(Fractal::isotropic(0.15, 1.0)).0;
         Layers::of_texels(self.n, |at, _, _| {
             let height = height[at] + 0.6 * waviness[at];
@@ -81,32 +73,19 @@ impl Builder<'_> {
 
 /// What is raised on an embossed surface: the distance from the middle of the nearest motif, in
 /// pitches.
-const MOTIFS: [fn(f32, f32) -> f32; 6] = [dots, squares, diamonds, lines, hexagons, waves];
-
-fn dots(x: f32, y: f32) -> f32 {
-    hypot(centred(x), centred(y))
-}
-
-fn squares(x: f32, y: f32) -> f32 {
-    centred(x).abs().max(centred(y).abs())
-}
-
-fn diamonds(x: f32, y: f32) -> f32 {
-    0.7 * (centred(x).abs() + centred(y).abs())
-}
-
-fn lines(x: f32, _: f32) -> f32 {
-    centred(x).abs()
-}
-
-fn hexagons(x: f32, y: f32) -> f32 {
-    let shift = 0.5 * (y.floor() as i32).rem_euclid(2) as f32;
-    hypot(centred(x + shift), centred(y))
-}
-
-fn waves(x: f32, y: f32) -> f32 {
-    centred(x + centred(0.5 * y).abs()).abs()
-}
+const MOTIFS: [fn(f32, f32) -> f32; 6] = [
+    // Dots, squares, diamonds.
+    |x, y| hypot(centred(x), centred(y)),
+    |x, y| centred(x).abs().max(centred(y).abs()),
+    |x, y| 0.7 * (centred(x).abs() + centred(y).abs()),
+    // Lines, hexagons, waves.
+    |x, _| centred(x).abs(),
+    |x, y| {
+        let shift = 0.5 * (y.floor() as i32).rem_euclid(2) as f32;
+        hypot(centred(x + shift), centred(y))
+    },
+    |x, y| centred(x + centred(0.5 * y).abs()).abs(),
+];
 
 fn centred(t: f32) -> f32 {
     t - t.floor() - 0.5

@@ -30,9 +30,8 @@ impl Builder<'_> {
             }
         }
         // The fuzz of spun yarn.
-        let fuzz = self
-            .fields(Fractal::isotropic(0.05 / self.count as f64, 0.4))
-            .0;
+        let fuzz = Fractal::isotropic(0.05 / self.count as f64, 0.4);
+        let fuzz = self.fields(fuzz).0;
         layers.height.add_scaled(&fuzz, 0.05);
         layers.tone.add_scaled(&fuzz, 0.06);
         layers

@@ -9,12 +9,8 @@ impl Builder<'_> {
     pub(super) fn grained(&mut self) -> Layers {
         let rings = self.count as f32;
         let mut along = |length, hurst, stretch| {
-            self.fields(Fractal {
-                length,
-                hurst,
-                stretch,
-                direction: std::f64::consts::FRAC_PI_2,
-            })
+            let fractal = Fractal::isotropic(length, hurst);
+            self.fields(fractal.stretched(stretch, std::f64::consts::FRAC_PI_2))
         };
         let (wander, spread) = along(0.16, 2.0, 4.0);
         let (fibre, streak) = along(0.0035, 0.4, 26.0);
@@ -23,8 +19,8 @@ impl Builder<'_> {
         let open = mix(1.6, 3.2, self.stream.unit() as f32);
         let contrast = mix(0.35, 0.75, self.stream.unit() as f32);
         Layers::of_texels(self.n, |at, u, _| {
-            let place =
-                u * rings + cathedral * (wander[at] + 0.35 * spread[at]) + 0.05 * figure[at];
+            let wandered = cathedral * (wander[at] + 0.35 * spread[at]);
+            let place = u * rings + wandered + 0.05 * figure[at];
             let phase = place - place.floor();
             let late = smoothstep(0.25, 0.93, phase) * (1.0 - smoothstep(0.93, 1.0, phase));
             let early = 1.0 - smoothstep(0.0, 0.45, phase);

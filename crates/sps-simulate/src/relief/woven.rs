@@ -1,17 +1,20 @@
 //! Woven cloth.
 
-use super::super::material::Weave;
 use super::super::numeric::mix;
 use super::super::stream::Stream;
 use super::{Builder, Fractal, Layers};
 
-/// Threads after which a weave repeats.
-pub(super) const fn repeat(weave: Weave) -> usize {
-    match weave {
-        Weave::Plain => 2,
-        Weave::Twill | Weave::Basket => 4,
-        Weave::Satin => 5,
-    }
+/// How warp and weft cross.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Weave {
+    /// Over one, under one.
+    Plain,
+    /// Over three, under one, shifted by one each row: diagonal lines.
+    Twill,
+    /// Over four, under one, scattered: long floats.
+    Satin,
+    /// Plain with threads in pairs.
+    Basket,
 }
 
 /// Whether warp thread `i` lies over weft thread `j`.
@@ -34,9 +37,8 @@ struct Threads {
 impl Threads {
     fn draw(count: usize, disorder: f32, stream: &mut Stream) -> Self {
         let mut draws = |scale: f32| -> Vec<f32> {
-            (0..count)
-                .map(|_| scale * (2.0 * stream.unit() as f32 - 1.0))
-                .collect()
+            let draw = |_| scale * (2.0 * stream.unit() as f32 - 1.0);
+            (0..count).map(draw).collect()
         };
         Self {
             offset: draws(0.22 * disorder),
@@ -58,13 +60,8 @@ impl Builder<'_> {
         let (dx, dy) = self.disorder(0.3, 12.0);
         // Thickness of the threads, which varies along each more than from one to the next.
         let mut slubs = |direction| {
-            let slub = Fractal {
-                length: 0.25 / count as f64,
-                hurst: 0.8,
-                stretch: 12.0,
-                direction,
-            };
-            let mut slubs = self.fields(slub).0;
+            let slub = Fractal::isotropic(0.25 / count as f64, 0.8);
+            let mut slubs = self.fields(slub.stretched(12.0, direction)).0;
             slubs.map_in_place(|v| (0.04 + 0.2 * disorder) * v);
             slubs
         };
@@ -92,13 +89,8 @@ impl Cloth {
         let (i, j) = (thread(x), thread(y));
         // Across its thread, -1/2 to 1/2.
         let (across_warp, across_weft) = (x - x.floor() - 0.5, y - y.floor() - 0.5);
-        let level = |i, j| {
-            if warp_is_up(self.weave, i, j) {
-                1.0
-            } else {
-                -1.0
-            }
-        };
+        let up = |i, j| warp_is_up(self.weave, i, j);
+        let level = |i, j| if up(i, j) { 1.0 } else { -1.0 };
         let here = level(i, j);
         let step = |i: usize, across: f32| {
             let by = if across > 0.0 { 1 } else { count - 1 };
@@ -108,16 +100,10 @@ impl Cloth {
         let dip = |next: f32, across: f32| here + 0.5 * (next - here) * (4.0 * across * across);
         let warp_level = dip(level(i, step(j, across_weft)), across_weft);
         let weft_level = dip(level(step(i, across_warp), j), across_warp);
-        let over = yarn(
-            across_warp + warp.offset[i],
-            across_weft + warp.phase[i],
-            slub.0,
-        );
-        let under = yarn(
-            across_weft + weft.offset[j],
-            across_warp + weft.phase[j],
-            slub.1,
-        );
+        let (across, along) = (across_warp + warp.offset[i], across_weft + warp.phase[i]);
+        let over = yarn(across, along, slub.0);
+        let (across, along) = (across_weft + weft.offset[j], across_warp + weft.phase[j]);
+        let under = yarn(across, along, slub.1);
         let (z_warp, z_weft) = (over.0 + 0.45 * warp_level, under.0 - 0.45 * weft_level);
         if z_warp > z_weft {
             (z_warp, 0.92 + 0.6 * (warp.tone[i] + over.1) + 0.5 * slub.0)
@@ -135,33 +121,30 @@ fn yarn(across: f32, along: f32, slub: f32) -> (f32, f32) {
     let twist = along * 1.6 + across * 1.2;
     let ply = (twist - twist.floor() - 0.5).abs() * 4.0 - 1.0;
     let depth = mix(-0.6, 0.5, round) + slub * 0.3;
-    (
-        depth + 0.06 * ply * round,
-        0.05 * ply - 0.25 * (1.0 - round),
-    )
+    let tone = 0.05 * ply - 0.25 * (1.0 - round);
+    (depth + 0.06 * ply * round, tone)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Structure;
     use super::*;
 
     #[test]
     fn each_weave_repeats_and_has_its_share_of_warp() {
-        for (weave, share) in [
-            (Weave::Plain, 0.5),
-            (Weave::Twill, 0.75),
-            (Weave::Satin, 0.8),
-            (Weave::Basket, 0.5),
+        for (name, weave, share) in [
+            ("woven plain", Weave::Plain, 0.5),
+            ("woven twill", Weave::Twill, 0.75),
+            ("woven satin", Weave::Satin, 0.8),
+            ("woven basket", Weave::Basket, 0.5),
         ] {
-            let repeat = repeat(weave);
-            let up = (0..repeat * repeat)
-                .filter(|k| warp_is_up(weave, k / repeat, k % repeat))
-                .count();
-            assert_eq!(up as f64 / (repeat * repeat) as f64, share, "{weave:?}");
-            assert_eq!(
-                warp_is_up(weave, 0, 1),
-                warp_is_up(weave, repeat, repeat + 1)
-            );
+            let repeat = Structure::named(name).threads();
+            let crossings = 0..repeat * repeat;
+            let up = crossings.filter(|k| warp_is_up(weave, k / repeat, k % repeat));
+            let up = up.count() as f64;
+            assert_eq!(up / (repeat * repeat) as f64, share, "{weave:?}");
+            let next = warp_is_up(weave, repeat, repeat + 1);
+            assert_eq!(warp_is_up(weave, 0, 1), next);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::geometry::{TILE_MM, map_size, sampling_grid};
 use super::super::grid::Grid;
-use super::super::material::{Colours, Structure};
+use super::super::material::Colours;
 use super::super::parameters::{Parameters, Specimen};
 use super::super::reflectance::Spread;
 use super::super::relief::{self, Layers};
@@ -89,11 +89,8 @@ pub(crate) fn prepare_on(specimen: &Specimen, size: usize, n: usize) -> Texels {
         shadow(&mut data, &layers.height);
     }
     let finish = Finish::draw(&parameters, moments, &mut appearance);
-    let height_range = layers
-        .height
-        .data()
-        .iter()
-        .fold((f32::MAX, f32::MIN), |(lo, hi), &h| (lo.min(h), hi.max(h)));
+    let heights = layers.height.data().iter();
+    let height_range = heights.fold((f32::MAX, f32::MIN), |(lo, hi), &h| (lo.min(h), hi.max(h)));
     let (n, data) = resample(n, data, sampling_grid(size).min(n));
     Texels {
         n,
@@ -108,13 +105,12 @@ pub(crate) fn prepare_on(specimen: &Specimen, size: usize, n: usize) -> Texels {
 fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<Texel> {
     let profile = parameters.profile;
     let colours = Colours::draw(profile.palette, stream);
-    let mask = stream
-        .chance(profile.printed)
-        .then(|| relief::print_mask(layers.height.n(), stream));
+    let printed = stream.chance(profile.printed);
+    let mask = printed.then(|| relief::print_mask(layers.height.n(), stream));
     let (height, tone, polish) = (&layers.height, &layers.tone, &layers.polish);
     // How dye and dirt have settled. It looks like shading and says nothing of the height: seen from
     // straight above, a flat dirty surface and a clean deep one can be the same picture.
-    let hollow = stream.between32(-0.1, 0.4) * holds_dirt(profile.structure);
+    let hollow = stream.between32(-0.1, 0.4) * profile.structure.dirt();
     let contrast = stream.between32(0.5, 1.3);
     let (mean, scale) = (tone.mean(), 0.5 / height.deviation().max(1e-6));
     (0..height.data().len())
@@ -141,31 +137,13 @@ fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<T
         .collect()
 }
 
-/// How much dye and dirt the hollows of a structure hold, 0 to 1; polished ones hold none.
-fn holds_dirt(structure: Structure) -> f32 {
-    match structure {
-        Structure::Smooth
-        | Structure::Glazed
-        | Structure::Brushed
-        | Structure::Speckled
-        | Structure::Veined
-        | Structure::Embossed => 0.0,
-        Structure::Pebbled | Structure::Grained => 0.5,
-        _ => 1.0,
-    }
-}
-
 /// Central differences, and the means of their squares over the surface.
 fn add_slopes(data: &mut [Texel], height: &Grid) -> [f32; 2] {
     let n = height.n();
     let scale = 0.5 * n as f32 / TILE_MM as f32;
     let mut sums = [0.0f64; 2];
     for y in 0..n {
-        let (above, here, below) = (
-            height.row((y + n - 1) % n),
-            height.row(y),
-            height.row((y + 1) % n),
-        );
+        let [above, here, below] = [y + n - 1, y, y + 1].map(|y| height.row(y % n));
         let row = &mut data[y * n..(y + 1) * n];
         for (x, texel) in row.iter_mut().enumerate() {
             let left = if x == 0 { n - 1 } else { x - 1 };
@@ -199,11 +177,8 @@ impl Finish {
         let profile = parameters.profile;
         let coated = stream.chance(profile.coated);
         // A coat is what is touched and what shines; under it the base has its usual grain.
-        let alpha = if coated {
-            UNDER_COAT
-        } else {
-            parameters.alpha as f32
-        };
+        let own = parameters.alpha as f32;
+        let alpha = if coated { UNDER_COAT } else { own };
         let ratio = profile.anisotropy as f32;
         let mut spread = [alpha * alpha * ratio, alpha * alpha / ratio];
         if moments[0] <= moments[1] {
@@ -214,7 +189,7 @@ impl Finish {
             f0: profile.f0 as f32,
             spread: Spread::along(spread),
             sheen: parameters.sheen as f32,
-            coat: coated.then_some(COAT_SHARE * parameters.alpha as f32),
+            coat: coated.then_some(COAT_SHARE * own),
         }
     }
 }

@@ -13,37 +13,26 @@ use super::Values;
 /// below says how.
 const QUANTILES: &str = include_str!("quantiles.csv");
 
-/// The share of each line of [`QUANTILES`] and its responses.
-static RESPONSES: LazyLock<Vec<(f64, Values)>> = LazyLock::new(|| {
-    let lines = QUANTILES.lines().skip(1).map(|line| {
+/// Minimum, quartiles and maximum of each property.
+const PUBLISHED: &str = include_str!("published.csv");
+
+static RESPONSES: LazyLock<Vec<(f64, Values)>> = LazyLock::new(|| table(QUANTILES));
+
+/// Of each property.
+static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| {
+    let published = table(PUBLISHED);
+    std::array::from_fn(|i| Scale::new(std::array::from_fn(|at| published[at].1[i])))
+});
+
+/// The share of each line of a table, and its values.
+fn table(text: &str) -> Vec<(f64, Values)> {
+    let lines = text.lines().skip(1).map(|line| {
         let mut cells = line.split(',').map(|cell| cell.parse().expect("a number"));
         let mut next = || cells.next().expect("a cell");
         (next(), std::array::from_fn(|_| next()))
     });
     lines.collect()
-});
-
-/// Minimum, quartiles and maximum of each property, as published.
-const PUBLISHED: [[f64; 5]; 15] = [
-    [13.3, 30.0, 34.5, 46.6, 100.0],
-    [6.8, 22.7, 27.6, 35.8, 64.0],
-    [2.0, 22.8, 34.8, 46.2, 61.6],
-    [2.6, 37.8, 47.2, 55.5, 90.5],
-    [0.0, 26.4, 36.2, 46.0, 86.0],
-    [0.0, 0.5, 2.0, 5.9, 69.8],
-    [0.0, 26.3, 34.3, 43.4, 98.8],
-    [0.0, 10.3, 14.9, 20.6, 36.5],
-    [0.0, 6.3, 12.3, 18.6, 36.2],
-    [0.0, 0.4, 2.6, 5.8, 79.6],
-    [0.0, 0.8, 4.3, 8.9, 100.0],
-    [0.0, 0.3, 3.8, 8.1, 63.4],
-    [0.0, 1.4, 7.2, 10.6, 75.8],
-    [0.0, 0.4, 2.9, 7.3, 70.2],
-    [4.0, 5.8, 6.6, 7.5, 100.0],
-];
-
-/// Of each property, in the order of [`PUBLISHED`].
-static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| PUBLISHED.map(Scale::new));
+}
 
 /// Reads all responses on the scale.
 pub(super) fn read(responses: &Values) -> Values {
@@ -151,10 +140,8 @@ mod tests {
         }
         let codes = toccare::ALL.map(|property| property.code);
         let mut found = format!("share,{}\n", codes.join(","));
-        assert_eq!(
-            (RESPONSES[0].0, RESPONSES[RESPONSES.len() - 1].0),
-            (0.0, 1.0)
-        );
+        let ends = (RESPONSES[0].0, RESPONSES[RESPONSES.len() - 1].0);
+        assert_eq!(ends, (0.0, 1.0));
         assert!(RESPONSES.is_sorted_by(|(p, _), (q, _)| p < q));
         for (p, _) in RESPONSES.iter() {
             let place = p * (SURFACES - 1) as f64;
@@ -180,22 +167,20 @@ mod tests {
         }
         let text = include_str!("../../../sps-report/src/published.toml");
         let published: Published = toml::from_str(text).unwrap();
-        for (property, ours) in toccare::properties().into_iter().zip(PUBLISHED) {
+        for (property, scale) in toccare::properties().iter().zip(&*SCALES) {
+            let ours = scale.points;
             assert_eq!(ours, published.quantiles[property.code()], "{property}");
-            let scale = Scale::new(ours);
             for (p, value) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().zip(ours) {
-                assert!(
-                    (scale.quantile(p) - value).abs() < 1e-9,
-                    "{property} at {p}"
-                );
+                let error = (scale.quantile(p) - value).abs();
+                assert!(error < 1e-9, "{property} at {p}");
             }
         }
     }
 
     #[test]
     fn values_rise_with_probability_and_density_is_continuous_at_the_quartiles() {
-        for published in PUBLISHED {
-            let scale = Scale::new(published);
+        for scale in &*SCALES {
+            let published = scale.points;
             let mut last = -1.0;
             for i in 0..=1000 {
                 let value = scale.quantile(f64::from(i) / 1000.0);

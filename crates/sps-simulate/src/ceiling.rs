@@ -49,32 +49,26 @@ pub struct Ceilings {
 pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
     const BATCHES: usize = 20;
     let per_batch = surfaces.div_ceil(BATCHES).max(2);
-    let batches: Vec<[[f64; 15]; 2]> = (0..BATCHES)
-        .into_par_iter()
-        .map(|batch| {
-            let first = batch * per_batch;
-            batch_ratios(seed, first..first + per_batch, locations.max(1))
-        })
-        .collect();
-    let properties = toccare::ALL
-        .into_iter()
-        .enumerate()
-        .map(|(i, property)| {
-            let (nadir, nadir_error) = mean_and_error(batches.iter().map(|b| b[0][i]));
-            let (all, all_error) = mean_and_error(batches.iter().map(|b| b[1][i]));
-            let ceiling = Ceiling {
-                nadir,
-                nadir_error,
-                all,
-                all_error,
-            };
-            (property.code.to_owned(), ceiling)
-        })
-        .collect();
+    let batches = (0..BATCHES).into_par_iter().map(|batch| {
+        let first = batch * per_batch;
+        batch_ratios(seed, first..first + per_batch, locations.max(1))
+    });
+    let batches: Vec<[[f64; 15]; 2]> = batches.collect();
+    let properties = toccare::ALL.into_iter().enumerate().map(|(i, property)| {
+        let (nadir, nadir_error) = mean_and_error(batches.iter().map(|b| b[0][i]));
+        let (all, all_error) = mean_and_error(batches.iter().map(|b| b[1][i]));
+        let ceiling = Ceiling {
+            nadir,
+            nadir_error,
+            all,
+            all_error,
+        };
+        (property.code.to_owned(), ceiling)
+    });
     Ceilings {
         surfaces: per_batch * BATCHES,
         locations,
-        properties,
+        properties: properties.collect(),
     }
 }
 
@@ -111,10 +105,8 @@ fn covariance_ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     let count = pairs.clone().count() as f64;
     let mean = pairs.clone().map(|(a, b)| 0.5 * (a + b)).sum::<f64>() / count;
     let covariance: f64 = pairs.clone().map(|(a, b)| (a - mean) * (b - mean)).sum();
-    let variance: f64 = pairs
-        .map(|(a, b)| 0.5 * ((a - mean) * (a - mean) + (b - mean) * (b - mean)))
-        .sum();
-    covariance / variance
+    let squares = pairs.map(|(a, b)| 0.5 * ((a - mean) * (a - mean) + (b - mean) * (b - mean)));
+    covariance / squares.sum::<f64>()
 }
 
 fn mean_and_error(values: impl ExactSizeIterator<Item = f64> + Clone) -> (f64, f64) {

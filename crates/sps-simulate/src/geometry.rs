@@ -25,8 +25,6 @@ pub(crate) fn sampling_grid(size: usize) -> usize {
 /// that holds the sampling grid and resolves `count` repeats of its structure. Small views share
 /// one map, so that they show the same surface.
 pub(crate) fn map_size(size: usize, count: usize) -> usize {
-    sampling_grid(size)
-        .max(3 * count)
-        .next_power_of_two()
-        .clamp(256, 1024)
+    let least = sampling_grid(size).max(3 * count);
+    least.next_power_of_two().clamp(256, 1024)
 }

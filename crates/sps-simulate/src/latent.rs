@@ -134,9 +134,9 @@ mod tests {
 
     #[test]
     fn linked_scores_stay_standard_normal_and_follow_their_links() {
-        let draws: Vec<Scores> = (0..20_000)
-            .map(|i| Scores::draw_own(&mut Stream::new(1, Purpose::LATENTS, &[i])).linked())
-            .collect();
+        let stream = |i| Stream::new(1, Purpose::LATENTS, &[i]);
+        let draws = (0..20_000).map(|i| Scores::draw_own(&mut stream(i)).linked());
+        let draws: Vec<Scores> = draws.collect();
         let mean =
             |f: &dyn Fn(&Scores) -> f64| draws.iter().map(f).sum::<f64>() / draws.len() as f64;
         for latent in 0..LATENTS {
@@ -145,10 +145,8 @@ mod tests {
         }
         for (latent, source, weight) in LINKS {
             let both = mean(&|s| s.of(latent) * s.of(source));
-            assert!(
-                (both - weight).abs() < 0.04,
-                "{latent:?} and {source:?}: {both}"
-            );
+            let error = (both - weight).abs();
+            assert!(error < 0.04, "{latent:?} and {source:?}: {both}");
         }
     }
 }

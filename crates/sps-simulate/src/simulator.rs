@@ -68,21 +68,17 @@ impl Simulator {
                 count: MOST_SURFACES,
             });
         }
-        let specimens: Vec<Specimen> = indices
-            .iter()
-            .map(|&index| Specimen::draw(spec.seed, index))
-            .collect();
-        let surfaces = specimens
-            .iter()
-            .map(|specimen| {
-                let id = format!("s{:05}", specimen.index);
-                Surface {
-                    group: id.clone(),
-                    id,
-                    material: specimen.material.label().to_owned(),
-                }
-            })
-            .collect();
+        let draw = |&index: &usize| Specimen::draw(spec.seed, index);
+        let specimens: Vec<Specimen> = indices.iter().map(draw).collect();
+        let surface = |specimen: &Specimen| {
+            let id = format!("s{:05}", specimen.index);
+            Surface {
+                group: id.clone(),
+                id,
+                material: specimen.material.label().to_owned(),
+            }
+        };
+        let surfaces = specimens.iter().map(surface).collect();
         let tactile = touch::readings(&specimens, spec.locations, spec.repeats);
         Ok(Self {
             name: format!("simulated, seed {}", spec.seed),
@@ -126,16 +122,11 @@ impl Simulator {
     }
 
     fn photograph(&self, surface: usize, view: usize) -> Result<LinearFrame, SimulateError> {
-        let specimen = self.specimen(surface)?;
+        let (specimen, size) = (self.specimen(surface)?, self.spec.size);
         let degrees = self.angle(view)?.0;
         let built = self.built(surface);
-        let texels = built.get_or_init(|| render::prepare(specimen, self.spec.size));
-        Ok(render::photograph(
-            specimen,
-            texels,
-            degrees,
-            self.spec.size,
-        ))
+        let texels = built.get_or_init(|| render::prepare(specimen, size));
+        Ok(render::photograph(specimen, texels, degrees, size))
     }
 
     fn specimen(&self, surface: usize) -> Result<&Specimen, SimulateError> {

@@ -106,9 +106,8 @@ impl SimulatorSpec {
             return vec![RollAngle(0.5 * (from + to))];
         }
         let last = (self.views - 1) as f64;
-        (0..self.views)
-            .map(|i| RollAngle(from + (to - from) * i as f64 / last))
-            .collect()
+        let angle = |i| RollAngle(from + (to - from) * i as f64 / last);
+        (0..self.views).map(angle).collect()
     }
 }
 

@@ -13,9 +13,8 @@ pub(crate) const BLOCK: usize = 200;
 /// of 400 has the paper's composition instead of a noisy draw from it, and the rare materials
 /// neither vanish nor crowd.
 pub(crate) fn material_of(seed: u64, index: usize) -> Material {
-    let mut places: Vec<Material> = Material::all()
-        .flat_map(|material| std::iter::repeat_n(material, material.per_block()))
-        .collect();
+    let of_material = |material: Material| std::iter::repeat_n(material, material.per_block());
+    let mut places: Vec<Material> = Material::all().flat_map(of_material).collect();
     let mut stream = Stream::new(seed, Purpose::ASSIGNMENT, &[(index / BLOCK) as u64]);
     for last in (1..places.len()).rev() {
         places.swap(last, stream.index(last + 1));
@@ -54,16 +53,12 @@ mod tests {
             let label = if count < 6 { "other".to_owned() } else { label };
             *labels.entry(label).or_default() += count;
         }
-        assert_eq!(
-            labels.keys().collect::<Vec<_>>(),
-            published.materials.keys().collect::<Vec<_>>()
-        );
+        let expected: Vec<&String> = published.materials.keys().collect();
+        assert_eq!(labels.keys().collect::<Vec<_>>(), expected);
         for (label, share) in published.materials {
             let found = labels[&label] as f64 / 400.0;
-            assert!(
-                (found - share).abs() <= 0.005,
-                "{label}: {found} against {share}"
-            );
+            let near = (found - share).abs() <= 0.005;
+            assert!(near, "{label}: {found} against {share}");
         }
     }
 }

@@ -211,12 +211,8 @@ fn granite(stream: &mut Stream) -> [Rgb; 4] {
         2 => natural([0.45, 0.38, 0.26], 0.35, stream),
         _ => natural([0.66, 0.65, 0.62], 0.2, stream),
     };
-    [
-        mica,
-        lerp(mica, quartz, 0.6),
-        feldspar,
-        lerp(feldspar, quartz, 0.5),
-    ]
+    let [dark, light] = [(mica, 0.6), (feldspar, 0.5)].map(|(base, t)| lerp(base, quartz, t));
+    [mica, dark, feldspar, light]
 }
 
 fn marble(stream: &mut Stream) -> [Rgb; 4] {
@@ -226,11 +222,8 @@ fn marble(stream: &mut Stream) -> [Rgb; 4] {
         2 => natural([0.55, 0.42, 0.3], 0.3, stream),
         _ => natural([0.74, 0.73, 0.7], 0.12, stream),
     };
-    let vein = if base[1] > 0.3 {
-        scaled(base, 0.3)
-    } else {
-        [0.5, 0.48, 0.45]
-    };
+    let (light, pale) = (base[1] > 0.3, [0.5, 0.48, 0.45]);
+    let vein = if light { scaled(base, 0.3) } else { pale };
     [vein, lerp(vein, base, 0.55), base, scaled(base, 1.05)]
 }
 
@@ -268,13 +261,9 @@ fn around(base: Rgb, spread: f32) -> [Rgb; 4] {
 }
 
 /// Two darker than `base`, itself and a lighter one.
-fn shades(base: Rgb, [darkest, darker, lighter]: [f32; 3]) -> [Rgb; 4] {
-    [
-        scaled(base, darkest),
-        scaled(base, darker),
-        base,
-        scaled(base, lighter),
-    ]
+fn shades(base: Rgb, gains: [f32; 3]) -> [Rgb; 4] {
+    let [darkest, darker, lighter] = gains.map(|gain| scaled(base, gain));
+    [darkest, darker, base, lighter]
 }
 
 fn scaled(colour: Rgb, gain: f32) -> Rgb {

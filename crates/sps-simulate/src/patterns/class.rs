@@ -67,11 +67,8 @@ impl Class {
         };
         // What has no relief is seen by its colours, and the other way round.
         let relief = stream.between(-0.3, 0.8).max(0.0) as f32;
-        let colourful = if relief > 0.1 {
-            stream.between(-0.3, 1.0).max(0.0)
-        } else {
-            stream.between(0.3, 1.0)
-        };
+        let least = if relief > 0.1 { -0.3 } else { 0.3 };
+        let colourful = stream.between(least, 1.0).max(0.0);
         Self {
             first,
             second,

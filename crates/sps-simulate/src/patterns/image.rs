@@ -147,11 +147,8 @@ impl Image {
         let last = self.palette.len() - 1;
         let place = (0.5 * (tone + 1.0)).clamp(0.0, 1.0) * last as f32;
         let (low, share) = (place.floor() as usize, place - place.floor());
-        let share = if class.posterised {
-            share.round()
-        } else {
-            share
-        };
+        let edged = class.posterised;
+        let share = if edged { share.round() } else { share };
         let (low, high) = (&self.palette[low], &self.palette[(low + 1).min(last)]);
         std::array::from_fn(|c| mix(low[c], high[c], share))
     }
@@ -195,12 +192,8 @@ fn blur(data: &mut [f32], side: usize) {
                 let mut before = data[start];
                 for i in 0..side {
                     let at = start + i * step;
-                    let next = if i + 1 < side {
-                        data[at + step]
-                    } else {
-                        data[at]
-                    };
                     let own = data[at];
+                    let next = if i + 1 < side { data[at + step] } else { own };
                     data[at] = 0.25 * before + 0.5 * own + 0.25 * next;
                     before = own;
                 }

@@ -22,10 +22,8 @@ pub(super) fn draw(stream: &mut Stream) -> Motif {
 
 /// Noise of many scales.
 fn cloud(stream: &mut Stream) -> Motif {
-    let (count, gain) = (
-        stream.between32(1.0, 7.0) as u32,
-        stream.between32(0.35, 0.8),
-    );
+    let count = stream.between32(1.0, 7.0) as u32;
+    let gain = stream.between32(0.35, 0.8);
     let form: fn(f32) -> f32 = match stream.between32(0.0, 3.0) as u32 {
         0 => |v| v,
         // Billows.
@@ -39,10 +37,8 @@ fn cloud(stream: &mut Stream) -> Motif {
 
 /// Level lines of noise: marble, timber, zebras, labyrinths.
 fn contours(stream: &mut Stream) -> Motif {
-    let (lines, count) = (
-        stream.between32(0.7, 4.0),
-        stream.between32(1.0, 4.0) as u32,
-    );
+    let lines = stream.between32(0.7, 4.0);
+    let count = stream.between32(1.0, 4.0) as u32;
     let soft = stream.between32(0.02, 0.8);
     Box::new(move |place, seed| {
         let height = octaves(place.map(|v| 0.5 * v), seed, count, 0.5, |v| v);
@@ -193,10 +189,8 @@ fn web(stream: &mut Stream) -> Motif {
 /// Hairs, scratches, straw.
 fn strokes(stream: &mut Stream) -> Motif {
     let (length, width) = (stream.between32(0.4, 1.4), stream.between32(0.015, 0.1));
-    let (spread, each) = (
-        stream.between32(0.0, 1.6),
-        stream.between32(1.0, 4.0) as u32,
-    );
+    let spread = stream.between32(0.0, 1.6);
+    let each = stream.between32(1.0, 4.0) as u32;
     Box::new(move |place, seed| {
         let [column, row] = place.map(|v| v.floor() as i32);
         let mut highest: f32 = -1.0;
@@ -232,10 +226,8 @@ fn leaves(stream: &mut Stream) -> Motif {
             Box::new(move |[x, y], size| x * x + ratio * ratio * y * y < size * size)
         }
     };
-    let (layers, gain) = (
-        stream.between32(3.0, 8.0) as u32,
-        stream.between32(1.1, 1.5),
-    );
+    let layers = stream.between32(3.0, 8.0) as u32;
+    let gain = stream.between32(1.1, 1.5);
     Box::new(move |place, seed| {
         let mut scale = 1.0;
         // From the uppermost, which are the smallest, down.
@@ -280,10 +272,8 @@ fn courses(stream: &mut Stream) -> Motif {
 
 /// Noise in a sector of a tile, which all others mirror.
 fn mirrored(stream: &mut Stream) -> Motif {
-    let (folds, count) = (
-        stream.between32(2.0, 5.0) as u32,
-        stream.between32(1.0, 4.0) as u32,
-    );
+    let folds = stream.between32(2.0, 5.0) as u32;
+    let count = stream.between32(1.0, 4.0) as u32;
     let lines = stream.between32(0.0, 3.0);
     Box::new(move |place, seed| {
         let place = place.map(|v| 0.5 * v);

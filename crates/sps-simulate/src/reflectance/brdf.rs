@@ -173,13 +173,8 @@ impl Pair {
         let q = hx * hx / a.xx + hy * hy / a.yy + hz * hz;
         let density = 1.0 / (std::f32::consts::PI * (a.xx * a.yy).sqrt() * q * q);
         let through = |d: Vector| d[0] * d[0] * a.xx + d[1] * d[1] * a.yy;
-        density
-            * visibility(
-                self.light[2],
-                self.view[2],
-                through(self.light),
-                through(self.view),
-            )
+        let (light, view) = (self.light, self.view);
+        density * visibility(light[2], view[2], through(light), through(view))
     }
 }
 

@@ -46,10 +46,8 @@ impl EnergyTable {
                 nodes.push(lobe_integrals(root * root, s * s).map(|v| v as f32));
             }
         }
-        let means = nodes
-            .chunks_exact(COSINES)
-            .map(hemispherical_mean)
-            .collect();
+        let rows = nodes.chunks_exact(COSINES);
+        let means = rows.map(hemispherical_mean).collect();
         Self { nodes, means }
     }
 
@@ -86,7 +84,7 @@ impl EnergyTable {
 
 /// The node below a place in 0 to 1, and how far beyond it the place lies.
 #[inline]
-fn node(place: f32, count: usize) -> (usize, f32) {
+pub(super) fn node(place: f32, count: usize) -> (usize, f32) {
     let last = (count - 1) as f32;
     let scaled = (place * last).clamp(0.0, last);
     let i = (scaled as usize).min(count - 2);
@@ -131,10 +129,8 @@ fn lobe_integrals(alpha: f64, c: f64) -> [f64; 4] {
             let axis = view[0] * light[0] + view[2] * light[2];
             let radiance = f64::from(DOME.radiance(axis as f32));
             let (scale, bias) = (weight * (1.0 - graze), weight * graze);
-            for (sum, term) in sums
-                .iter_mut()
-                .zip([radiance * scale, radiance * bias, scale, bias])
-            {
+            let terms = [radiance * scale, radiance * bias, scale, bias];
+            for (sum, term) in sums.iter_mut().zip(terms) {
                 *sum += term;
             }
         }

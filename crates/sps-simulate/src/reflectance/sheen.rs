@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 
 use super::super::numeric::mix;
 use super::dome::DOME;
+use super::energy::node;
 
 const NODES: usize = 64;
 
@@ -33,24 +34,19 @@ pub(crate) fn sheen_table() -> &'static SheenTable {
 
 impl SheenTable {
     fn integrate() -> Self {
-        let nodes: Vec<[f32; 2]> = (0..NODES)
-            .map(|i| lobe_integrals(i as f64 / (NODES - 1) as f64).map(|v| v as f32))
-            .collect();
+        let integrals = |i| lobe_integrals(i as f64 / (NODES - 1) as f64).map(|v| v as f32);
+        let nodes: Vec<[f32; 2]> = (0..NODES).map(integrals).collect();
         let step = 1.0 / (NODES - 1) as f32;
-        let mean = nodes
-            .iter()
-            .enumerate()
-            .map(|(i, node)| 2.0 * step * step * i as f32 * node[0])
-            .sum();
+        let terms = nodes.iter().enumerate();
+        let terms = terms.map(|(i, [albedo, _])| 2.0 * step * step * i as f32 * albedo);
+        let mean = terms.sum();
         Self { nodes, mean }
     }
 
     /// `(albedo, under the dome)` at a cosine, linear between nodes.
     #[inline]
     pub(crate) fn at(&self, cosine: f32) -> (f32, f32) {
-        let scaled = (cosine * (NODES - 1) as f32).clamp(0.0, (NODES - 1) as f32);
-        let i = (scaled as usize).min(NODES - 2);
-        let t = scaled - i as f32;
+        let (i, t) = node(cosine, NODES);
         let (low, high) = (self.nodes[i], self.nodes[i + 1]);
         (mix(low[0], high[0], t), mix(low[1], high[1], t))
     }

@@ -105,9 +105,8 @@ mod tests {
     #[test]
     fn agrees_with_the_sum_by_definition() {
         let n = 8;
-        let input: Vec<Complex> = (0..n * n)
-            .map(|i| (((i * 7) % 11) as f32 - 5.0, ((i * 5) % 13) as f32 - 6.0))
-            .collect();
+        let number = |i| (((i * 7) % 11) as f32 - 5.0, ((i * 5) % 13) as f32 - 6.0);
+        let input: Vec<Complex> = (0..n * n).map(number).collect();
         let mut re: Vec<f32> = input.iter().map(|c| c.0).collect();
         let mut im: Vec<f32> = input.iter().map(|c| c.1).collect();
         Fourier::new(n).inverse_2d(&mut re, &mut im);

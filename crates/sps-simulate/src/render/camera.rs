@@ -52,9 +52,8 @@ const LAST: f32 = 65535.0;
 
 /// The byte for each of 65,536 steps of linear light; a step is at most a twentieth of a byte.
 static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    (0..=65535)
-        .map(|i| (255.0 * srgb(f64::from(i) / f64::from(LAST)) + 0.5) as u8)
-        .collect()
+    let byte = |i| (255.0 * srgb(f64::from(i) / f64::from(LAST)) + 0.5) as u8;
+    (0..=65535).map(byte).collect()
 });
 
 fn srgb(linear: f64) -> f64 {

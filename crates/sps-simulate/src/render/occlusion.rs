@@ -88,10 +88,8 @@ mod tests {
         let open = ambient_occlusion(&pit);
         let middle = open[128 * 256 + 128];
         let slope: f32 = 1.0 / 0.875;
-        assert!(
-            (middle - 1.0 / (1.0 + slope * slope)).abs() < 0.08,
-            "{middle}"
-        );
+        let expected = 1.0 / (1.0 + slope * slope);
+        assert!((middle - expected).abs() < 0.08, "{middle}");
         assert!((open[0] - 1.0).abs() < 1e-6);
     }
 

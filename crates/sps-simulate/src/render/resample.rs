@@ -66,9 +66,8 @@ mod tests {
     #[test]
     fn the_mean_is_kept_and_halving_is_a_box() {
         let n = 8;
-        let data: Vec<Texel> = (0..n * n)
-            .map(|i| [(i * i % 17) as f32; CHANNELS])
-            .collect();
+        let texel = |i| [(i * i % 17) as f32; CHANNELS];
+        let data: Vec<Texel> = (0..n * n).map(texel).collect();
         let mean = data.iter().map(|t| t[3]).sum::<f32>() / (n * n) as f32;
         for m in [4, 5, 7] {
             let (_, out) = resample(n, data.clone(), m);

@@ -94,20 +94,13 @@ impl View {
             ]
         };
         let light = world_light();
-        let places: Vec<f64> = (0..size)
-            .map(|i| ((i as f64 + 0.5) / size as f64 - 0.5) * FIELD_MM)
-            .collect();
-        let columns = places
-            .iter()
-            .map(|&x| Column::new(camera_direction(x, 0.0), light, to_surface))
-            .collect();
-        let half_y = places
-            .iter()
-            .map(|&y| {
-                let half = to_surface(sum(camera_direction(0.0, y), light));
-                (half[1] / half[2]) as f32
-            })
-            .collect();
+        let place = |i| ((i as f64 + 0.5) / size as f64 - 0.5) * FIELD_MM;
+        let places: Vec<f64> = (0..size).map(place).collect();
+        let column = |&x: &f64| Column::new(camera_direction(x, 0.0), light, to_surface);
+        let half_y = |&y: &f64| {
+            let half = to_surface(sum(camera_direction(0.0, y), light));
+            (half[1] / half[2]) as f32
+        };
         let light_here = to_surface(light);
         let flat = (light_here[0] * light_here[0] + light_here[1] * light_here[1]).sqrt();
         Self {
@@ -117,8 +110,8 @@ impl View {
             light: light_here.map(|c| c as f32),
             light_half: (0.5 + 0.5 * light[2]).sqrt() as f32,
             light_slope: (light_here[2] / flat.max(1e-9)) as f32,
-            columns,
-            half_y,
+            columns: places.iter().map(column).collect(),
+            half_y: places.iter().map(half_y).collect(),
             turn: pose.turn as f32,
             shift: (pose.shift.0 as f32, pose.shift.1 as f32),
             places: places.iter().map(|&p| p as f32).collect(),

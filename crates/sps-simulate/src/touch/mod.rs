@@ -103,11 +103,9 @@ pub(crate) fn readings(specimens: &[Specimen], places: u32, repeats: u32) -> Tac
 fn touched(specimen: &Specimen, place: u32, repeat: u32, values: &Values) -> Vec<Option<f64>> {
     let key = [specimen.index, u64::from(place), u64::from(repeat)];
     let mut stream = Stream::new(specimen.seed, Purpose::REPEAT, &key);
-    values
-        .iter()
-        .map(|&value| {
-            let noise = REPEAT_SHARE * value * stream.normal() + REPEAT_UNITS * stream.normal();
-            Some((value + noise).clamp(0.0, 100.0))
-        })
-        .collect()
+    let touched = values.iter().map(|&value| {
+        let noise = REPEAT_SHARE * value * stream.normal() + REPEAT_UNITS * stream.normal();
+        Some((value + noise).clamp(0.0, 100.0))
+    });
+    touched.collect()
 }

@@ -125,15 +125,11 @@ mod tests {
         let reach = (0.25 * PARTING_MM / TILE_MM * n as f64).round() as usize;
         let count = (2 * reach + 1) as f32;
         let pass = |value: &dyn Fn(usize, usize) -> f32| -> Vec<f32> {
-            (0..n * n)
-                .map(|at| {
-                    let (x, y) = (at % n, at / n);
-                    (0..=2 * reach)
-                        .map(|k| value((x + n + k - reach) % n, y))
-                        .sum::<f32>()
-                        / count
-                })
-                .collect()
+            let mean = |at: usize| {
+                let near = (0..=2 * reach).map(|k| (at % n + n + k - reach) % n);
+                near.map(|x| value(x, at / n)).sum::<f32>() / count
+            };
+            (0..n * n).map(mean).collect()
         };
         let across = pass(&|x, y| grid.row(y)[x]);
         let both = pass(&|y, x| across[y * n + x]);

@@ -36,10 +36,8 @@ fn frames_have_the_committed_hash() {
             }
         }
     }
-    assert_eq!(
-        hasher.finalize().to_string(),
-        "0cff577f0389db0eb2f326eaa5899cd1c1bcd9fb3dec1f3a6bd647ed56a03642"
-    );
+    let expected = "0cff577f0389db0eb2f326eaa5899cd1c1bcd9fb3dec1f3a6bd647ed56a03642";
+    assert_eq!(hasher.finalize().to_string(), expected);
 }
 
 /// The readings of a few surfaces, to twelve digits.
@@ -51,10 +49,8 @@ fn readings_have_the_committed_hash() {
             hasher.update(format!("{:.12e}", value.unwrap()).as_bytes());
         }
     }
-    assert_eq!(
-        hasher.finalize().to_string(),
-        "e252d8b861b15e956f27554527d850f3ab466c65157c038c9ce296c4d38682bb"
-    );
+    let expected = "e252d8b861b15e956f27554527d850f3ab466c65157c038c9ce296c4d38682bb";
+    assert_eq!(hasher.finalize().to_string(), expected);
 }
 
 #[test]
@@ -86,15 +82,10 @@ fn threads_do_not_change_frames() {
     let source = small(12);
     let all: Vec<(usize, usize)> = (0..12).flat_map(|s| (0..3).map(move |v| (v, s))).collect();
     let frames = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| -> Vec<_> {
-            all.par_iter()
-                .map(|&(view, surface)| source.frame_bytes(surface, view).unwrap())
-                .collect()
-        })
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let frame = |&(view, surface): &(usize, usize)| source.frame_bytes(surface, view).unwrap();
+        let frames = || all.par_iter().map(frame).collect::<Vec<_>>();
+        pool.unwrap().install(frames)
     };
     assert_eq!(frames(1), frames(7));
 }
@@ -140,11 +131,9 @@ fn every_reading_lies_in_the_range_of_its_property() {
     let table = source.tactile();
     for (column, property) in table.properties.iter().enumerate() {
         let [low, high] = source.describe(property).range.unwrap().ends();
-        let values = || table.readings.iter().filter_map(|r| r.values[column]);
-        assert!(
-            values().all(|value| (low..=high).contains(&value)),
-            "{property}"
-        );
+        let mut values = table.readings.iter().filter_map(|r| r.values[column]);
+        let all = values.all(|value| (low..=high).contains(&value));
+        assert!(all, "{property}");
     }
 }
 
@@ -160,9 +149,8 @@ fn an_exr_file_keeps_highlights_above_white() {
         let light = source.linear_frame(surface, 1).unwrap().unwrap();
         light.data.iter().copied().fold(0.0, f32::max)
     };
-    let surface = (0..40)
-        .max_by(|&a, &b| brightest(a).total_cmp(&brightest(b)))
-        .unwrap();
+    let darker = |a: &usize, b: &usize| brightest(*a).total_cmp(&brightest(*b));
+    let surface = (0..40).max_by(darker).unwrap();
     assert!(brightest(surface) > 1.5, "{}", brightest(surface));
 
     let folder = tempfile::tempdir().unwrap();
@@ -208,11 +196,8 @@ fn the_quartiles_are_the_published_ones() {
             let expected = published.quantiles[property.code()];
             for (p, expected) in [(0.25, expected[1]), (0.5, expected[2]), (0.75, expected[3])] {
                 let found = column[(p * 1999.0) as usize];
-                let error = (found - expected).abs();
-                assert!(
-                    error <= 1.5,
-                    "{property} at {p}: {found} against {expected}"
-                );
+                let near = (found - expected).abs() <= 1.5;
+                assert!(near, "{property} at {p}: {found} against {expected}");
             }
             assert!(column.iter().all(|&v| (0.0..=100.0).contains(&v)));
         }

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use super::*;
 use crate::data::Readings;
+use crate::fitted::{Fitted, FittedModel};
 use crate::golden::uniform;
-
 use crate::kernel_ridge::KernelRidge;
 use crate::nearest::Nearest;
 use crate::ridge::Ridge;
@@ -41,12 +41,16 @@ impl Set {
 }
 
 /// Says what a rule says of an embedding, and remembers what it was trained on.
-#[derive(Clone)]
 struct Rule {
     says: fn(&[f32]) -> f64,
     plans: Arc<Mutex<Vec<Plan>>>,
-    trials: Vec<Trial>,
     stops_early: bool,
+}
+
+#[derive(Clone)]
+struct FittedRule {
+    says: fn(&[f32]) -> f64,
+    trial: Trial,
 }
 
 impl Rule {
@@ -54,7 +58,6 @@ impl Rule {
         Self {
             says,
             plans: Arc::default(),
-            trials: Vec::new(),
             stops_early: false,
         }
     }
@@ -63,11 +66,11 @@ impl Rule {
 impl Regressor for Rule {
     fn fit(&self, _: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
         self.plans.lock().unwrap().push(plan.clone());
-        let trials = plan.trials.clone();
-        Ok(Box::new(Self {
-            trials,
-            ..self.clone()
-        }))
+        let fitted = |trial: &Trial| FittedRule {
+            says: self.says,
+            trial: trial.clone(),
+        };
+        Ok(Box::new(Fitted(plan.trials.iter().map(fitted).collect())))
     }
 
     fn needs_validation(&self) -> bool {
@@ -75,41 +78,30 @@ impl Regressor for Rule {
     }
 }
 
-impl FittedRegressor for Rule {
-    fn trials(&self) -> Vec<&Trial> {
-        self.trials.iter().collect()
+impl FittedModel for FittedRule {
+    const KIND: &'static str = "rules";
+
+    fn trial(&self) -> &Trial {
+        &self.trial
     }
 
-    fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let surfaces = 0..embeddings.surfaces();
-        let values = surfaces.map(|s| (self.says)(embeddings.surface(s)));
-        let values: Vec<f64> = values.collect();
-        let estimates = self.trials.iter().map(|trial| Estimates {
-            property: trial.property.clone(),
-            rerun: trial.rerun,
-            values: values.clone(),
-        });
+    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
+        let surfaces = || (0..embeddings.surfaces()).map(|s| embeddings.surface(s));
+        let estimates = models.iter().map(|one| surfaces().map(one.says).collect());
         Ok(estimates.collect())
     }
 
-    fn filtered(&self, keep: &dyn Fn(&Trial) -> bool) -> Box<dyn FittedRegressor> {
-        let mut kept = self.clone();
-        kept.trials.retain(keep);
-        Box::new(kept)
+    fn multiply_adds(models: &[Self]) -> u64 {
+        models.len() as u64
     }
 
-    fn multiply_adds(&self) -> u64 {
-        self.trials.len() as u64
-    }
-
-    fn kind(&self) -> &'static str {
-        "rules"
-    }
-
-    fn to_bytes(&self) -> Result<Vec<u8>> {
-        let kind = format_args!("{:?}", self.kind());
+    fn to_bytes(_: &[Self]) -> Result<Vec<u8>> {
         let what = "kind of fitted models";
-        Err(Error::input(what, kind, "one that is kept"))
+        Err(Error::input(what, "\"rules\"", "one that is kept"))
+    }
+
+    fn from_bytes(_: &[u8]) -> Result<Vec<Self>> {
+        unreachable!("it is not kept")
     }
 }
 

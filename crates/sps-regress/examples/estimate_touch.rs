@@ -27,9 +27,8 @@ fn main() -> sps_regress::Result<()> {
     let features = (0..SURFACES).flat_map(|s| (0..WIDTH).map(move |at| feature(s, at)));
     let embeddings = Embeddings::new(features.collect(), [SURFACES, 1, WIDTH])?;
     // A reading that was not taken is `None`; the first surface has none.
-    let rows: Vec<_> = (0..SURFACES)
-        .map(|surface| vec![(surface > 0).then(|| reading(surface))])
-        .collect();
+    let row = |surface| vec![(surface > 0).then(|| reading(surface))];
+    let rows: Vec<_> = (0..SURFACES).map(row).collect();
     let readings = Readings::new(vec!["friction".into()], &rows)?;
     let data = TrainingData::new(&embeddings, &readings);
     let rerun = Rerun::new(0, 0..TRAINING);
@@ -51,10 +50,8 @@ fn main() -> sps_regress::Result<()> {
         let errors = unseen.iter().zip(&estimates[0].values);
         let errors = errors.map(|(&surface, estimate)| (estimate - reading(surface)).abs());
         let mean = errors.sum::<f64>() / unseen.len() as f64;
-        println!(
-            "{name}: {} off by {mean:.2} on average",
-            estimates[0].property
-        );
+        let property = &estimates[0].property;
+        println!("{name}: {property} off by {mean:.2} on average");
     }
     Ok(())
 }

@@ -36,9 +36,8 @@ impl Embeddings {
             let expected = "at least one view and one feature";
             return Err(Error::input("embeddings", shape, expected));
         }
-        let length = views
-            .checked_mul(width)
-            .and_then(|n| n.checked_mul(surfaces));
+        let row = views.checked_mul(width);
+        let length = row.and_then(|row| row.checked_mul(surfaces));
         if length != Some(values.len()) {
             let found = format_args!("{} values", values.len());
             return Err(Error::input("embeddings", found, shape));
@@ -257,8 +256,7 @@ impl Spread {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readings {
     properties: Vec<String>,
-    cells: Vec<Option<f64>>,
-    surfaces: usize,
+    rows: Vec<Vec<Option<f64>>>,
 }
 
 impl Readings {
@@ -277,7 +275,6 @@ impl Readings {
                 return Err(Error::input("readings", found, "each property once"));
             }
         }
-        let mut cells = Vec::with_capacity(rows.len() * properties.len());
         for (surface, row) in rows.iter().enumerate() {
             if row.len() != properties.len() {
                 let found = format_args!("{} cells for surface {surface}", row.len());
@@ -290,18 +287,16 @@ impl Readings {
                     return Err(Error::input("readings", found, expected));
                 }
             }
-            cells.extend_from_slice(row);
         }
         Ok(Self {
             properties,
-            cells,
-            surfaces: rows.len(),
+            rows: rows.to_vec(),
         })
     }
 
     /// How many surfaces.
     pub fn surfaces(&self) -> usize {
-        self.surfaces
+        self.rows.len()
     }
 
     /// The properties, in the order of the cells.
@@ -321,8 +316,7 @@ impl Readings {
 
     /// The cells of one surface, in the order of the properties.
     pub fn row(&self, surface: usize) -> Option<&[Option<f64>]> {
-        let width = self.properties.len();
-        (surface < self.surfaces).then(|| &self.cells[surface * width..(surface + 1) * width])
+        self.rows.get(surface).map(Vec::as_slice)
     }
 }
 

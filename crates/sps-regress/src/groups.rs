@@ -48,24 +48,19 @@ pub(crate) fn fit_groups<T: Send>(
         let job = Job { at, trial, values };
         groups.entry((views, surfaces)).or_default().push(job);
     }
-    let groups: Vec<_> = groups.into_iter().collect();
-    let fitted: Vec<Result<Vec<(usize, T)>>> = groups
-        .into_par_iter()
-        .map(|((views, surfaces), jobs)| {
-            let embeddings = data.embeddings.select(&surfaces, views)?;
-            let group = Group {
-                left_out: LeftOut::of(&surfaces, data.units),
-                embeddings,
-                jobs,
-            };
-            let models = fit(&group)?;
-            Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
-        })
-        .collect();
-    let mut models = Vec::with_capacity(plan.trials.len());
-    for group in fitted {
-        models.extend(group?);
-    }
+    let groups = groups.into_par_iter();
+    let fitted = groups.map(|((views, surfaces), jobs)| -> Result<Vec<(usize, T)>> {
+        let group = Group {
+            embeddings: data.embeddings.select(&surfaces, views)?,
+            left_out: LeftOut::of(&surfaces, data.units),
+            jobs,
+        };
+        let models = fit(&group)?;
+        Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
+    });
+    let fitted: Vec<_> = fitted.collect();
+    let fitted: Vec<Vec<(usize, T)>> = fitted.into_iter().collect::<Result<_>>()?;
+    let mut models: Vec<(usize, T)> = fitted.into_iter().flatten().collect();
     models.sort_by_key(|(at, _)| *at);
     Ok(models.into_iter().map(|(_, model)| model).collect())
 }

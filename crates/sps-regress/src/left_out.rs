@@ -68,19 +68,16 @@ impl LeftOut {
         residuals: impl Fn(usize) -> f64,
         blocks: &[LeftOutBlock],
     ) -> f64 {
-        let errors = self
-            .parts
-            .iter()
-            .zip(blocks)
-            .map(|(part, block)| match block {
-                LeftOutBlock::One(slack) => (residuals(part[0]) / slack).powi(2),
-                LeftOutBlock::Several(Some(factor)) => {
-                    let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
-                    let errors = cleanly(|| factor.solve(&residuals));
-                    errors.col(0).iter().map(|e| e * e).sum()
-                }
-                LeftOutBlock::Several(None) => f64::INFINITY,
-            });
+        let parts = self.parts.iter().zip(blocks);
+        let errors = parts.map(|(part, block)| match block {
+            LeftOutBlock::One(slack) => (residuals(part[0]) / slack).powi(2),
+            LeftOutBlock::Several(Some(factor)) => {
+                let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
+                let errors = cleanly(|| factor.solve(&residuals));
+                errors.col(0).iter().map(|e| e * e).sum()
+            }
+            LeftOutBlock::Several(None) => f64::INFINITY,
+        });
         errors.sum::<f64>() / self.surfaces as f64
     }
 

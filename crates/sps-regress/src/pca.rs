@@ -34,12 +34,12 @@ impl Pca {
     /// # Errors
     /// No rows, a value that is not finite, or a decomposition that did not converge.
     pub fn fit(rows: ArrayView2<'_, f64>, components: usize) -> Result<Self> {
-        let refused =
-            |found: String, expected| Error::input("principal components", found, expected);
+        let what = "principal components";
         let mean = rows.mean_axis(Axis(0));
-        let mean = mean.ok_or_else(|| refused("no rows".into(), "at least one"))?;
+        let mean = mean.ok_or_else(|| Error::input(what, "no rows", "at least one"))?;
         if let Some(((row, _), value)) = rows.indexed_iter().find(|(_, v)| !v.is_finite()) {
-            return Err(refused(format!("{value} in row {row}"), "finite values"));
+            let found = format_args!("{value} in row {row}");
+            return Err(Error::input(what, found, "finite values"));
         }
         let (samples, features) = rows.dim();
         let centred = Mat::from_fn(samples, features, |row, column| {
@@ -51,15 +51,12 @@ impl Pca {
         let rounding = samples.max(features) as f64 * f64::EPSILON * largest;
         let kept = singular.iter().take(components);
         let kept = kept.take_while(|&&s| s > rounding).count();
+        let loading = |(k, feature)| directions[(feature, k)];
+        let variance = |s: &f64| s * s / (samples as f64 - 1.0);
         Ok(Self {
             mean,
-            components: fix_signs(Array2::from_shape_fn((kept, features), |(k, feature)| {
-                directions[(feature, k)]
-            })),
-            explained_variance: singular[..kept]
-                .iter()
-                .map(|s| s * s / (samples as f64 - 1.0))
-                .collect(),
+            components: fix_signs(Array2::from_shape_fn((kept, features), loading)),
+            explained_variance: singular[..kept].iter().map(variance).collect(),
         })
     }
 

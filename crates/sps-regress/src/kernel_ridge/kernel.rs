@@ -242,10 +242,8 @@ fn centre(embeddings: &Embeddings, part: &Part) -> Vec<f64> {
         }
     }
     let surfaces = embeddings.surfaces() as f64;
-    let means = sums.iter().zip(first);
-    means
-        .map(|(sum, &first)| f64::from(first) + sum / surfaces)
-        .collect()
+    let mean = |(sum, &first): (&f64, &f32)| f64::from(first) + sum / surfaces;
+    sums.iter().zip(first).map(mean).collect()
 }
 
 fn centred(embeddings: &Embeddings, range: Range<usize>, part: &Part, centre: &[f64]) -> Mat<f64> {

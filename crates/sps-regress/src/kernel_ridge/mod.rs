@@ -85,13 +85,8 @@ impl KernelRidge {
     /// among others; no surface to stand on.
     pub fn new(config: KernelRidgeConfig) -> Result<Self> {
         let widths: Vec<f64> = config.kernels.iter().map(|shape| shape.width).collect();
-        let lists = [
-            ("penalties of kernel ridge regression", &config.penalties),
-            ("widths of kernels", &widths),
-        ];
-        for (what, list) in lists {
-            check_positive(what, list)?;
-        }
+        check_positive("penalties of kernel ridge regression", &config.penalties)?;
+        check_positive("widths of kernels", &widths)?;
         if let Some(shape) = config.kernels.iter().find(|s| !s.leaning.is_finite()) {
             let expected = "a finite number";
             return Err(Error::input("leaning of a kernel", shape.leaning, expected));
@@ -128,10 +123,9 @@ impl KernelRidge {
 
     fn fit(&self, group: &Group<'_>) -> Result<Vec<TrainedKernelRidge>> {
         let (scales, kernels) = self.kernels(&group.embeddings);
-        let spectra: Vec<Result<Spectrum>> = kernels
-            .into_par_iter()
-            .map(|(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out))
-            .collect();
+        let spectrum =
+            |(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out);
+        let spectra: Vec<Result<Spectrum>> = kernels.into_par_iter().map(spectrum).collect();
         let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
         let support = Arc::new(Support {
             proximity: Proximity::of(&self.0.kernels),
@@ -150,10 +144,8 @@ impl KernelRidge {
     fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(Shape, Mat<f64>)>) {
         let surfaces = embeddings.surfaces();
         let proximity = Proximity::of(&self.0.kernels);
-        let shapes = self.shapes(embeddings).into_iter();
-        let mut sums: Vec<_> = shapes
-            .map(|shape| (shape, Mat::zeros(surfaces, surfaces)))
-            .collect();
+        let zeros = |shape| (shape, Mat::zeros(surfaces, surfaces));
+        let mut sums: Vec<_> = self.shapes(embeddings).into_iter().map(zeros).collect();
         let mut scales = Vec::new();
         for part in Part::all(embeddings) {
             let points = Points::new(proximity, embeddings, part);

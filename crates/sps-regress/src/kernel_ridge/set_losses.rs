@@ -20,7 +20,8 @@ use crate::plan::TrainingData;
 /// kernel and pattern of gaps.
 #[derive(Debug)]
 pub struct SetLosses {
-    config: KernelRidgeConfig,
+    shapes: Vec<Shape>,
+    penalties: Vec<f64>,
     properties: usize,
     views: usize,
     patterns: Vec<Pattern>,
@@ -32,8 +33,8 @@ struct Pattern {
     surfaces: Vec<usize>,
     left_out: LeftOut,
     columns: Vec<Column>,
-    /// By kernel and view: the columns of the lower triangle, one after the other.
-    kernels: Vec<(Shape, Vec<Vec<f32>>)>,
+    /// By view and kernel: the columns of the lower triangle, one after the other.
+    kernels: Vec<Vec<Vec<f32>>>,
 }
 
 #[derive(Debug)]
@@ -81,7 +82,8 @@ impl SetLosses {
             pattern.kernels = kernels(&ridge, data.embeddings, &pattern.surfaces)?;
         }
         Ok(Self {
-            config: config.clone(),
+            shapes: ridge.shapes(data.embeddings),
+            penalties: config.penalties.clone(),
             properties: properties.len(),
             views: data.embeddings.views(),
             patterns,
@@ -104,9 +106,10 @@ impl SetLosses {
         set.sort_unstable();
         let mut losses = vec![0.0; self.properties];
         for pattern in &self.patterns {
-            let spectra = pattern.kernels.iter().map(|(shape, views)| {
-                let kernel = mean(views, &set, pattern.surfaces.len());
-                Spectrum::new(kernel, *shape, &self.config.penalties, &pattern.left_out)
+            let spectra = self.shapes.iter().enumerate().map(|(at, shape)| {
+                let views = set.iter().map(|&view| &pattern.kernels[view][at]);
+                let kernel = mean(views, pattern.surfaces.len());
+                Spectrum::new(kernel, *shape, &self.penalties, &pattern.left_out)
             });
             let spectra = spectra.collect::<Result<Vec<_>>>()?;
             for column in pattern.columns.iter().filter(|one| one.variance > 0.0) {
@@ -149,26 +152,19 @@ impl Column {
     }
 }
 
-/// The matrix of each view of these surfaces, by kernel.
+/// The matrices of each view of these surfaces, one for each kernel.
 fn kernels(
     ridge: &KernelRidge,
     embeddings: &Embeddings,
     surfaces: &[usize],
-) -> Result<Vec<(Shape, Vec<Vec<f32>>)>> {
+) -> Result<Vec<Vec<Vec<f32>>>> {
     let of_view = |view| -> Result<Vec<Vec<f32>>> {
         let (_, kernels) = ridge.kernels(&embeddings.select(surfaces, &[view])?);
         Ok(kernels.iter().map(|(_, one)| lower_triangle(one)).collect())
     };
     let views = (0..embeddings.views()).into_par_iter().map(of_view);
     let views: Vec<Result<Vec<Vec<f32>>>> = views.collect();
-    let shapes = ridge.shapes(embeddings).into_iter();
-    let mut kernels: Vec<_> = shapes.map(|shape| (shape, Vec::new())).collect();
-    for view in views {
-        for ((_, kernels), kernel) in kernels.iter_mut().zip(view?) {
-            kernels.push(kernel);
-        }
-    }
-    Ok(kernels)
+    views.into_iter().collect()
 }
 
 fn lower_triangle(kernel: &Mat<f64>) -> Vec<f32> {
@@ -177,16 +173,17 @@ fn lower_triangle(kernel: &Mat<f64>) -> Vec<f32> {
     (0..size).flat_map(column).collect()
 }
 
-/// The mean kernel of a set, both triangles.
-fn mean(views: &[Vec<f32>], set: &[usize], size: usize) -> Mat<f64> {
+/// The mean kernel of the views of a set, both triangles.
+fn mean<'a>(views: impl ExactSizeIterator<Item = &'a Vec<f32>>, size: usize) -> Mat<f64> {
     let mut sums = vec![0.0; size * (size + 1) / 2];
-    for &view in set {
-        for (sum, &value) in sums.iter_mut().zip(&views[view]) {
+    let count = views.len() as f64;
+    for view in views {
+        for (sum, &value) in sums.iter_mut().zip(view) {
             *sum += f64::from(value);
         }
     }
     let mut kernel = Mat::zeros(size, size);
-    let mut rest = sums.iter().map(|sum| sum / set.len() as f64);
+    let mut rest = sums.iter().map(|sum| sum / count);
     for j in 0..size {
         for (i, value) in (j..size).zip(&mut rest) {
             kernel[(i, j)] = value;
@@ -199,13 +196,8 @@ fn mean(views: &[Vec<f32>], set: &[usize], size: usize) -> Mat<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::Kernel;
-    use super::super::tests::{Set, column, config, smooth};
+    use super::super::tests::{Set, column, config, smooth, variance};
     use super::*;
-
-    fn variance(values: &[f64]) -> f64 {
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
-    }
 
     /// The order of a set does not matter, and its views may repeat.
     #[test]

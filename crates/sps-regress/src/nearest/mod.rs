@@ -71,10 +71,9 @@ impl FittedModel for TrainedNearest {
             check_fits("embeddings for the nearest neighbour", embeddings, training)?;
             let factors = training.balance();
             let [training, embeddings] = [training, embeddings].map(|all| all.scaled(&factors));
-            let nearest: Vec<usize> = (0..embeddings.surfaces())
-                .into_par_iter()
-                .map(|surface| nearest(&training, embeddings.surface(surface)))
-                .collect();
+            let surfaces = (0..embeddings.surfaces()).into_par_iter();
+            let nearest = surfaces.map(|at| nearest(&training, embeddings.surface(at)));
+            let nearest: Vec<usize> = nearest.collect();
             for at in places {
                 let values = &models[at].values;
                 all[at] = nearest.iter().map(|&surface| values[surface]).collect();
@@ -103,9 +102,7 @@ impl FittedModel for TrainedNearest {
 fn nearest(training: &Embeddings, features: &[f32]) -> usize {
     let surfaces = 0..training.surfaces();
     let distances = surfaces.map(|surface| squared_distance(training.surface(surface), features));
-    let least = distances
-        .enumerate()
-        .min_by(|(_, a), (_, b)| a.total_cmp(b));
+    let least = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
     least.map_or(0, |(surface, _)| surface)
 }
 

@@ -42,11 +42,9 @@ impl<'a> Axes<'a> {
         let scores = components.transform(rows.view());
         // Mean variance of a feature.
         let variance = components.explained_variance().iter().sum::<f64>() / rows.ncols() as f64;
-        let penalties = penalties.iter();
+        let penalty = |&penalty| Penalty::new(&scores, penalty, variance, left_out);
         Ok(Self {
-            penalties: penalties
-                .map(|&penalty| Penalty::new(&scores, penalty, variance, left_out))
-                .collect(),
+            penalties: penalties.iter().map(penalty).collect(),
             mean: rows.mean_axis(Axis(0)).unwrap_or_default(),
             scores,
             components,

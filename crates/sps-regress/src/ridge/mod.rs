@@ -157,11 +157,9 @@ impl FittedModel for TrainedRidge {
 
     fn to_bytes(models: &[Self]) -> Result<Vec<u8>> {
         for model in models {
-            let numbers = model
-                .weights
-                .iter()
-                .chain([&model.penalty, &model.intercept]);
-            check_finite("ridge regressions", numbers.copied())?;
+            let others = [&model.penalty, &model.intercept];
+            let numbers = model.weights.iter().chain(others).copied();
+            check_finite("ridge regressions", numbers)?;
         }
         let file = File {
             format: FORMAT,

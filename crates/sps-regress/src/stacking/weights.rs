@@ -8,10 +8,8 @@ const DEPENDENT: f64 = 1e-12;
 /// weights are zero where no column helps.
 pub(super) fn nonnegative_least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let gram: Vec<Vec<f64>> = columns
-        .iter()
-        .map(|a| columns.iter().map(|b| dot(a, b)).collect())
-        .collect();
+    let row = |a: &Vec<f64>| columns.iter().map(|b| dot(a, b)).collect();
+    let gram: Vec<Vec<f64>> = columns.iter().map(row).collect();
     let right: Vec<f64> = columns.iter().map(|column| dot(column, target)).collect();
     let mut best = (0.0, vec![0.0; columns.len()]);
     for subset in 1..1_u32 << columns.len() {

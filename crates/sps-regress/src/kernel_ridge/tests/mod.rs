@@ -91,6 +91,11 @@ pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> Kerne
     }
 }
 
+pub(super) fn variance(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+}
+
 fn close(found: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(found.len(), expected.len());
     for (found, expected) in found.iter().zip(expected) {
@@ -106,10 +111,8 @@ fn matrix(set: &Set, kernel: Kernel, width: f64, training: usize, views: &[usize
     for &view in views {
         let at = |s: usize| set.embeddings.get(s, view).unwrap();
         let distance = |a: usize, b: usize| -> f64 {
-            let squares = at(a)
-                .iter()
-                .zip(at(b))
-                .map(|(a, b)| f64::from(a - b).powi(2));
+            let pairs = at(a).iter().zip(at(b));
+            let squares = pairs.map(|(a, b)| f64::from(a - b).powi(2));
             squares.sum::<f64>().sqrt()
         };
         let pairs = (0..training).flat_map(|a| (0..a).map(move |b| (a, b)));
@@ -166,8 +169,8 @@ fn the_fit_solves_the_normal_equations() {
     for kernel in [Kernel::Exponential, Kernel::Gaussian] {
         for views in [&[0][..], &[2, 0], &[0, 1, 1]] {
             let whole = matrix(&set, kernel, 1.5, 30, views);
-            let trained = set.train(&config(kernel, &[0.02], &[1.5]), 30, views);
-            let trained = trained.unwrap();
+            let config = config(kernel, &[0.02], &[1.5]);
+            let trained = set.train(&config, 30, views).unwrap();
             let found = estimates(&trained, &set.embeddings.select(&all, views).unwrap());
             assert_eq!(trained.models()[0].penalty(), Some(0.02));
             let among = part(&whole, &training, &training);
@@ -250,11 +253,9 @@ fn predictions_are_scikit_learns() {
 fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
     let set = Set::new((30, 4, 3), &[smooth((30, 4, 3))]);
     let values = |factors: [f32; 2]| -> Vec<f32> {
-        let rows = (0..30).flat_map(|s| (0..4).map(move |view| (s, view)));
-        let scaled = rows.flat_map(|(s, view)| {
-            let row = set.embeddings.get(s, view).unwrap();
-            row.iter().map(move |x| x * factors[view % 2])
-        });
+        let views = set.embeddings.values().chunks(3);
+        let views = views.zip([0, 1].into_iter().cycle());
+        let scaled = views.flat_map(|(row, at)| row.iter().map(move |x| x * factors[at]));
         scaled.collect()
     };
     let train = |embeddings: Embeddings, views: &[usize]| {
@@ -304,19 +305,15 @@ fn later_blocks_count_more_where_a_kernel_leans() {
     let new: Vec<usize> = (20..30).collect();
     let expected = part(&kernel, &new, &training).dot(&coefficients) + intercept;
 
-    let rows = (0..30).flat_map(|s| (0..2).map(move |view| (s, view)));
-    let rows = rows.flat_map(|(s, view)| set.embeddings.get(s, view).unwrap().to_vec());
-    let one = Embeddings::new(rows.collect(), [30, 1, 8]).unwrap();
+    let one = Embeddings::new(set.embeddings.values().to_vec(), [30, 1, 8]).unwrap();
     let embeddings = one.clone().in_blocks(&[4, 4]).unwrap();
     let set = Set { embeddings, ..set };
     let mut config = config(Kernel::Exponential, &[0.02], &[1.5]);
     config.kernels[0].leaning = 2.0;
     let trained = set.train(&config, 20, &[0]).unwrap();
     let ridge = &trained.models()[0];
-    assert_eq!(
-        (ridge.shape(), ridge.penalty()),
-        (Some(config.kernels[0]), Some(0.02))
-    );
+    let chosen = (ridge.shape(), ridge.penalty());
+    assert_eq!(chosen, (Some(config.kernels[0]), Some(0.02)));
     let found = estimates(&trained, &set.embeddings.select(&new, &[0]).unwrap());
     close(&found, &expected.to_vec(), 1e-9);
 
@@ -376,10 +373,8 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
         let found = (ridge.shape(), ridge.penalty());
         assert_eq!(found, (Some(shape), Some(penalty)));
         assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
-        let level = values.iter().sum::<f64>() / 25.0;
-        let variance = values.iter().map(|v| (v - level).powi(2)).sum::<f64>() / 25.0;
         let loss = set.losses(&data, 25, &config, &[0, 1])[0];
-        assert!((loss * variance / error - 1.0).abs() < 1e-4);
+        assert!((loss * variance(&values) / error - 1.0).abs() < 1e-4);
     }
 }
 
@@ -387,8 +382,8 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
 fn what_cannot_be_predicted_gets_the_mean() {
     let set = Set::new((40, 1, 6), &[column("kernel.noise", 40)]);
     let penalties = KernelRidgeConfig::default().penalties;
-    let trained = set.train(&config(Kernel::Exponential, &penalties, &[1.0]), 30, &[0]);
-    let trained = trained.unwrap();
+    let config = config(Kernel::Exponential, &penalties, &[1.0]);
+    let trained = set.train(&config, 30, &[0]).unwrap();
     let values: Vec<f64> = column("kernel.noise", 30).into_iter().flatten().collect();
     let mean = values.iter().sum::<f64>() / 30.0;
     let ridge = &trained.models()[0];
@@ -413,8 +408,8 @@ fn the_linear_kernel_is_ridge_regression() {
     let ridge = ridge.unwrap().train(&set.data(), &plan).unwrap();
     // Ridge regression's penalty is one of a feature's variance with `n - 1` below it.
     let penalty = penalty / 10.0 * 30.0 / 29.0;
-    let trained = set.train(&config(Kernel::Linear, &[penalty], &[1.0]), 30, &[0, 1]);
-    let trained = trained.unwrap();
+    let config = config(Kernel::Linear, &[penalty], &[1.0]);
+    let trained = set.train(&config, 30, &[0, 1]).unwrap();
     assert_eq!(trained.models()[0].penalty(), Some(penalty));
     let expected = estimates(&ridge, &set.embeddings);
     close(&estimates(&trained, &set.embeddings), &expected, 1e-9);

@@ -8,7 +8,7 @@ use sps_regress::TrainingData;
 
 use crate::error::{Result, refuse};
 use crate::fitted::{Expected, Fitted, FittedOn, Group, Interval, Measure, Stage};
-use crate::novelty::{Aside, Familiar};
+use crate::novelty::Familiar;
 use crate::radius::{radii, radius};
 use crate::regression::Regression;
 use crate::step::{Fit, Step};
@@ -158,18 +158,14 @@ impl Recipe {
         let slots = self.slots()?;
         let split = self.calibration.part(examples.units, surfaces, number)?;
         examples.check_unseen(&split.validation)?;
-        let steps = if self.one_by_one {
-            (1..=slots.len()).collect()
-        } else {
-            vec![slots.len()]
-        };
+        let first = if self.one_by_one { 1 } else { slots.len() };
         let fit = Fitting {
             recipe: self,
             examples,
             surfaces,
             split,
+            steps: (first..=slots.len()).collect(),
             slots,
-            steps,
             number,
         };
         fit.fitted()
@@ -266,16 +262,14 @@ impl Fitting<'_> {
         } else {
             &recipe.regression
         };
-        let names = properties
-            .iter()
-            .map(|&at| recipe.wanted[at].property.clone());
+        let names = properties.iter().map(|&at| &recipe.wanted[at].property);
         let fit = Fit {
             regression,
             data: &self.examples.data,
             units: self.examples.units,
             seed: recipe.calibration.seed,
             number: self.number,
-            properties: &names.collect::<Vec<_>>(),
+            properties: &names.cloned().collect::<Vec<_>>(),
             views: looked,
         };
         let slot = |view: &usize| self.slots.iter().position(|slot| slot == view);
@@ -315,22 +309,11 @@ impl Fitting<'_> {
                 )));
             }
         }
-        let seen = self
-            .examples
-            .data
-            .embeddings
-            .select(&against, &self.slots)?;
-        let places = |some: &[usize]| -> Vec<usize> {
-            let places = against.iter().enumerate();
-            let places = places.filter(|(_, surface)| some.contains(surface));
-            places.map(|(place, _)| place).collect()
-        };
-        let aside = Aside {
-            all: places(aside),
-            one_of_each: places(&units.one_of_each(aside, seed, "watched", self.number)),
-        };
-        let familiar = Familiar::of(&seen, &self.steps, aside);
-        Ok(familiar.map(|familiar| familiar.at(against)))
+        let embeddings = self.examples.data.embeddings;
+        let seen = embeddings.select(&against, &self.slots)?;
+        let one_of_each = units.one_of_each(aside, seed, "watched", self.number);
+        let familiar = Familiar::of(&seen, &self.steps);
+        Ok(familiar.map(|familiar| familiar.at(against, aside, &one_of_each)))
     }
 
     /// The surfaces to fit to, in the parts that say what error to expect; in one where there are too

@@ -13,34 +13,10 @@ use crate::error::{Error, Result, refuse};
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
 
-/// Surfaces that were kept aside to calibrate, by their places, ascending.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Aside {
-    /// All.
-    pub all: Vec<usize>,
-    /// One of each unit.
-    pub one_of_each: Vec<usize>,
-}
-
-impl Aside {
-    /// 0 for a surface that was fitted to, 1 for one that was kept aside, 2 for that of its unit.
-    fn mark(&self, surface: usize) -> f32 {
-        let among = |some: &[usize]| f32::from(some.binary_search(&surface).is_ok());
-        among(&self.all) + among(&self.one_of_each)
-    }
-
-    fn of_marks(marks: &[f32]) -> Self {
-        let marked = |least: f32| {
-            let marks = marks.iter().enumerate();
-            let marked = marks.filter(|(_, mark)| **mark >= least);
-            marked.map(|(at, _)| at).collect()
-        };
-        Self {
-            all: marked(1.0),
-            one_of_each: marked(2.0),
-        }
-    }
-}
+/// The mark of a surface that was kept aside to calibrate, and that of one of each unit of these; 0 is that of a
+/// surface that was fitted to.
+const ASIDE: f32 = 1.0;
+const ONE_OF_UNIT: f32 = 2.0;
 
 /// A surface that a model was fitted on, for people to look at.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -74,8 +50,9 @@ pub(crate) struct Familiar {
     pub places: Vec<usize>,
     /// What is known of each for people; nothing of models that were fitted to bare numbers.
     pub shown: Vec<Shown>,
-    /// What new surfaces are watched by; nothing where the encoder learned from the others.
-    aside: Aside,
+    /// The mark of each: what was kept aside is what new surfaces are watched by. None was where the encoder
+    /// learned from the others.
+    marks: Vec<f32>,
     /// For each number of views asked with, the smallest squared distances of each surface to others,
     /// ascending, `(surfaces, neighbours)`.
     nearest: Vec<(usize, Vec<f32>)>,
@@ -84,18 +61,13 @@ pub(crate) struct Familiar {
 impl Familiar {
     /// Keeps surfaces, `(surfaces, views, width)`, to be held against by their first so many views, for
     /// each of `steps`; a reason where there are not two surfaces.
-    pub(crate) fn of(
-        embeddings: &Embeddings,
-        steps: &[usize],
-        aside: Aside,
-    ) -> Result<Self, String> {
-        if embeddings.surfaces() < 2 {
-            let found = embeddings.surfaces();
+    pub(crate) fn of(embeddings: &Embeddings, steps: &[usize]) -> Result<Self, String> {
+        let (surfaces, views) = (embeddings.surfaces(), embeddings.views());
+        if surfaces < 2 {
             return Err(format!(
-                "found {found} surface to hold photographs against, expected at least 2"
+                "found {surfaces} surface to hold photographs against, expected at least 2"
             ));
         }
-        let (surfaces, views) = (embeddings.surfaces(), embeddings.views());
         let mut familiar = Self {
             surfaces,
             views,
@@ -103,7 +75,7 @@ impl Familiar {
             units: units(embeddings),
             places: Vec::new(),
             shown: Vec::new(),
-            aside,
+            marks: vec![0.0; surfaces],
             nearest: Vec::new(),
         };
         for &step in steps {
@@ -119,9 +91,17 @@ impl Familiar {
         Ok(familiar)
     }
 
-    /// The same, with the place of each surface among those that were handed to the fit.
-    pub(crate) fn at(self, places: Vec<usize>) -> Self {
-        Self { places, ..self }
+    /// The same, with the place of each surface among those that were handed to the fit. Those `aside` calibrate,
+    /// `one_of_each` of their units among them.
+    pub(crate) fn at(self, places: Vec<usize>, aside: &[usize], one_of_each: &[usize]) -> Self {
+        let among = |some: &[usize], place| f32::from(some.contains(place));
+        let marks = places.iter();
+        let marks = marks.map(|place| among(aside, place) + among(one_of_each, place));
+        Self {
+            marks: marks.collect(),
+            places,
+            ..self
+        }
     }
 
     /// The p-value of each surface, `(surfaces, views, width)`: how likely it is that one like those
@@ -177,11 +157,12 @@ impl Familiar {
     /// How far one surface of each unit that was kept aside lies from those fitted to, by all views; none
     /// where there are not both.
     pub(crate) fn scores_aside(&self) -> Vec<f64> {
-        if self.aside.all.len() == self.surfaces {
+        if self.marks.iter().all(|mark| *mark >= ASIDE) {
             return Vec::new();
         }
-        let aside = self.aside.one_of_each.par_iter();
-        aside.map(|&at| self.score_of(self.surface(at))).collect()
+        let surfaces = (0..self.surfaces).into_par_iter();
+        let aside = surfaces.filter(|&at| self.marks[at] >= ONE_OF_UNIT);
+        aside.map(|at| self.score_of(self.surface(at))).collect()
     }
 
     /// How far a surface, `(1, views, width)`, lies from those fitted to.
@@ -191,7 +172,7 @@ impl Familiar {
 
     fn score_of(&self, one: &[f32]) -> f64 {
         let fitted = self.distances(one).enumerate();
-        let fitted = fitted.filter(|(at, _)| self.aside.all.binary_search(at).is_err());
+        let fitted = fitted.filter(|(at, _)| self.marks[*at] < ASIDE);
         mean(smallest(fitted.map(|(_, distance)| distance)).into_iter())
     }
 
@@ -210,31 +191,25 @@ impl Familiar {
         all.map(|other| squared_distance(one, &other[..one.len()]))
     }
 
-    /// A safetensors file: `units`, `nearest.M` for each number of views M, `aside`, [`Aside::mark`] of each
-    /// surface, and `photograph.N` of the Nth of [`NAMES`].
+    /// A safetensors file: `units`, `nearest.M` for each number of views M, `aside`, the mark of each surface,
+    /// and `photograph.N` of the Nth of [`NAMES`].
     pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
         let of_numbers = |name: String, shape: &[usize], values: &[f32]| {
             let bytes = values.iter().flat_map(|value| value.to_le_bytes());
             (name, Dtype::F32, shape.to_vec(), bytes.collect::<Vec<u8>>())
         };
         let shape = [self.surfaces, self.views, self.width];
-        let marks: Vec<f32> = (0..self.surfaces).map(|at| self.aside.mark(at)).collect();
         let mut tensors = vec![
             of_numbers("units".to_owned(), &shape, &self.units),
-            of_numbers("aside".to_owned(), &shape[..1], &marks),
+            of_numbers("aside".to_owned(), &shape[..1], &self.marks),
         ];
         for (step, nearest) in &self.nearest {
             let shape = [self.surfaces, self.neighbours()];
             tensors.push(of_numbers(format!("nearest.{step}"), &shape, nearest));
         }
         for (at, shown) in self.shown.iter().enumerate() {
-            let bytes = shown.photograph.clone();
-            tensors.push((
-                format!("photograph.{at}"),
-                Dtype::U8,
-                vec![bytes.len()],
-                bytes,
-            ));
+            let (name, bytes) = (format!("photograph.{at}"), shown.photograph.clone());
+            tensors.push((name, Dtype::U8, vec![bytes.len()], bytes));
         }
         let refused = |error| Error::input("surfaces to hold against", error, "tensors");
         let all = tensors.iter().map(|(name, dtype, shape, bytes)| {
@@ -282,7 +257,7 @@ impl Familiar {
             units,
             places: Vec::new(),
             shown: shown(bytes, &tensors, surfaces)?,
-            aside: Aside::of_marks(&marks),
+            marks,
             nearest: Vec::new(),
         };
         for step in 1..=views {
@@ -315,11 +290,8 @@ fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec
         return Err(format!("found {} names, expected {surfaces}", names.len()));
     }
     let shown = names.into_iter().enumerate().map(|(at, name)| {
-        let photograph = tensors.tensor(&format!("photograph.{at}"));
-        let photograph = photograph
-            .map_err(|error| error.to_string())?
-            .data()
-            .to_vec();
+        let tensor = tensors.tensor(&format!("photograph.{at}"));
+        let photograph = tensor.map_err(|error| error.to_string())?.data().to_vec();
         Ok(Shown { name, photograph })
     });
     shown.collect()

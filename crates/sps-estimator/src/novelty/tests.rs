@@ -18,9 +18,9 @@ fn embeddings(values: Vec<f32>, views: usize, width: usize) -> Embeddings {
     Embeddings::new(values, [surfaces, views, width]).unwrap()
 }
 
-/// Of one view each, with none kept aside.
+/// Of one view each.
 fn familiar(values: Vec<f32>, width: usize) -> Familiar {
-    Familiar::of(&embeddings(values, 1, width), &[1], Aside::default()).unwrap()
+    Familiar::of(&embeddings(values, 1, width), &[1]).unwrap()
 }
 
 /// As the definition has it: every surface scored among all others, in f64. The least and the most
@@ -88,7 +88,7 @@ fn p_values_are_uniform_where_nothing_is_new() {
 #[test]
 fn hard_cases() {
     let one = embeddings(numbers(1, 8), 1, 8);
-    let reason = Familiar::of(&one, &[1], Aside::default()).unwrap_err();
+    let reason = Familiar::of(&one, &[1]).unwrap_err();
     assert!(reason.contains("found 1 surface"), "{reason}");
     // Black photographs have no direction; identical ones no distance.
     let familiar = familiar([vec![0.0; 8], vec![1.0; 16]].concat(), 8);
@@ -104,21 +104,17 @@ fn hard_cases() {
 #[test]
 fn several_views_are_held_against_several() {
     let known = embeddings(numbers(3, 12 * 3 * 5), 3, 5);
-    let familiar = Familiar::of(&known, &[1, 3], Aside::default()).unwrap();
+    let familiar = Familiar::of(&known, &[1, 3]).unwrap();
     let bytes = familiar.to_bytes().unwrap();
     assert_eq!(Familiar::from_bytes(&bytes).as_ref(), Ok(&familiar));
     assert!(familiar.answers(&[3, 1], 5) && !familiar.answers(&[2], 5));
     let new = embeddings(numbers(4, 3 * 5), 3, 5);
     // The first view alone is what it would be without the others.
-    let first: Vec<f32> = (0..12)
-        .flat_map(|at| known.get(at, 0).unwrap().to_vec())
-        .collect();
-    let alone = self::familiar(first, 5);
+    let first = (0..12).flat_map(|at| known.get(at, 0).unwrap().to_vec());
+    let alone = self::familiar(first.collect(), 5);
     let new_first = embeddings(new.get(0, 0).unwrap().to_vec(), 1, 5);
-    assert_eq!(
-        familiar.p_values(&new_first).unwrap(),
-        alone.p_values(&new_first).unwrap()
-    );
+    let p_values = [familiar.clone(), alone].map(|one| one.p_values(&new_first).unwrap());
+    assert_eq!(p_values[0], p_values[1]);
     assert_eq!(familiar.p_values(&new).unwrap().len(), 1);
 }
 
@@ -158,10 +154,8 @@ fn the_nearest_is_nearest_by_the_mean_over_photographs() {
     expected.sort_by(|a, b| a.1.total_cmp(&b.1));
     for (found, expected) in found.iter().zip(&expected) {
         assert_eq!(found.0, expected.0);
-        assert!(
-            (found.1 - expected.1).abs() < 1e-6,
-            "{found:?}, expected {expected:?}"
-        );
+        let near = (found.1 - expected.1).abs() < 1e-6;
+        assert!(near, "{found:?}, expected {expected:?}");
     }
     assert_eq!(found.len(), 4);
 }

@@ -17,10 +17,8 @@ const SIDE: usize = 48;
 const SURFACES: usize = 40;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = std::env::args()
-        .nth(1)
-        .ok_or("name a folder to keep the model in")?;
-    let folder = PathBuf::from(folder);
+    let folder = std::env::args_os().nth(1);
+    let folder = PathBuf::from(folder.ok_or("name a folder to keep the model in")?);
 
     // Untrained weights do for an example; `Encoder::load` reads trained ones.
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
@@ -29,13 +27,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let values = embedder.embed(&photographs)?;
 
     // What was felt on each: rougher where the stripes are wide.
-    let rows: Vec<_> = (0..SURFACES)
-        .map(|surface| vec![Some(roughness(surface))])
-        .collect();
-    let (embeddings, readings) = (
-        Embeddings::new(values, [SURFACES, 1, embedder.width()])?,
-        Readings::new(vec!["mTX".into()], &rows)?,
-    );
+    let row = |surface| vec![Some(roughness(surface))];
+    let rows: Vec<_> = (0..SURFACES).map(row).collect();
+    let embeddings = Embeddings::new(values, [SURFACES, 1, embedder.width()])?;
+    let readings = Readings::new(vec!["mTX".into()], &rows)?;
     let surface = |at: usize| Surface {
         id: at.to_string(),
         material: String::new(),

@@ -321,10 +321,9 @@ pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
     if photographs.is_empty() {
         let mut expected = format!("files that end in {}", PHOTOGRAPH_ENDINGS.join(", "));
         if folders > 0 {
-            let each = folder.join("*");
-            let each = each.display();
-            expected =
-                format!("{expected}; it holds folders ({folders}): name them instead, {each}");
+            let each = folder.join("*").display().to_string();
+            let instead = format!("it holds folders ({folders}): name them instead, {each}");
+            expected = format!("{expected}; {instead}");
         }
         return refuse(folder.display(), "no photograph", expected);
     }

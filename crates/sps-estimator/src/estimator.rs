@@ -151,11 +151,8 @@ impl Estimator {
     /// without pixels.
     pub fn new(embedder: Embedder, fitted: Fitted, about: About) -> Result<Self> {
         if embedder.width() != fitted.width() {
-            let found = format!(
-                "{} of width {}",
-                embedder.network().name(),
-                embedder.width()
-            );
+            let (name, width) = (embedder.network().name(), embedder.width());
+            let found = format!("{name} of width {width}");
             return refuse("encoder", found, format!("width {}", fitted.width()));
         }
         if let Network::Sequences(encoder, _) = embedder.network() {
@@ -331,9 +328,8 @@ impl Estimator {
         self.check_views(views)?;
         let embeddings = self.embedder.table(values, surfaces, views)?;
         let predictions = self.fitted.predict_at_once(&embeddings, 1, self.joint)?;
-        Ok((0..surfaces)
-            .map(|at| self.answer(&predictions, &embeddings, at..at + 1))
-            .collect())
+        let answer = |at| self.answer(&predictions, &embeddings, at..at + 1);
+        Ok((0..surfaces).map(answer).collect())
     }
 
     /// Refuses so many photographs of a surface, where the model looks at another number.
@@ -349,11 +345,8 @@ impl Estimator {
     pub fn views_in_words(&self) -> String {
         let steps = listed(self.fitted.steps(), "or");
         let angles = listed(self.about.angles.iter(), "and");
-        let ordered = if self.about.angles.len() > 1 {
-            ", in this order"
-        } else {
-            ""
-        };
+        let several = self.about.angles.len() > 1;
+        let ordered = if several { ", in this order" } else { "" };
         format!("{steps}, at {angles} degrees{ordered}")
     }
 
@@ -367,11 +360,8 @@ impl Estimator {
         let count = of.len() as f64;
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
         let estimates = predictions.properties.iter().map(|predicted| {
-            let intervals = predicted
-                .intervals
-                .as_ref()
-                .ok()
-                .map(|all| &all[of.clone()]);
+            let intervals = predicted.intervals.as_ref().ok();
+            let intervals = intervals.map(|all| &all[of.clone()]);
             let property = &predicted.property;
             let Described { name, unit } = self.about.describe(property);
             Estimate {

@@ -71,12 +71,7 @@ pub(crate) enum Interval {
 impl Measure {
     /// Of a property with these readings; its intervals are not calibrated yet.
     pub(crate) fn of(wanted: &Wanted, readings: &[f64]) -> Self {
-        let end = |at: usize| {
-            wanted
-                .range
-                .map(|ends| ends[at])
-                .filter(|end| end.is_finite())
-        };
+        let end = |at: usize| Some(wanted.range?[at]).filter(|end| end.is_finite());
         Self {
             property: wanted.property.clone(),
             lowest: end(0),
@@ -135,10 +130,8 @@ impl Measure {
             Ok(expected.iter().map(around).collect::<Vec<_>>())
         };
         let values = values.unwrap_or_else(|| expected.iter().map(|one| one.value).collect());
-        let mut values: Vec<f64> = values
-            .into_iter()
-            .map(|value| self.bounded(value))
-            .collect();
+        let values = values.into_iter().map(|value| self.bounded(value));
+        let mut values: Vec<f64> = values.collect();
         if let Ok(intervals) = intervals(self.times(1, level)) {
             for (value, interval) in values.iter_mut().zip(intervals) {
                 *value = value.max(interval.low).min(interval.high);
@@ -262,11 +255,8 @@ impl Group {
     /// The estimates of each property, from the embeddings of its views.
     fn expected(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
         let values = self.models.predict(embeddings)?;
-        let errors = self
-            .errors
-            .as_ref()
-            .map(|errors| errors.predict(embeddings));
-        let errors = errors.transpose()?;
+        let errors = self.errors.as_ref();
+        let errors = errors.map(|one| one.predict(embeddings)).transpose()?;
         let expected = values.into_iter().enumerate().map(|(at, estimates)| {
             let least = self.least_errors[at].max(f64::MIN_POSITIVE);
             let error = |surface: usize| match &errors {
@@ -308,9 +298,8 @@ pub struct Predicted {
 impl Fitted {
     /// The properties, in the order of the predictions.
     pub fn properties(&self) -> impl Iterator<Item = &str> {
-        self.measures
-            .iter()
-            .map(|measure| measure.property.as_str())
+        let measures = self.measures.iter();
+        measures.map(|measure| measure.property.as_str())
     }
 
     /// The standard deviation of each property's readings that were fitted to, in the order of the
@@ -368,10 +357,7 @@ impl Fitted {
     /// them, or the last.
     pub fn ends(&self, steps: &[Predictions], width: f64, properties: Range<usize>) -> Vec<usize> {
         let narrow: Vec<_> = steps.iter().map(|step| self.narrow(step, width)).collect();
-        let surfaces = narrow
-            .first()
-            .and_then(|step| step.first())
-            .map_or(0, Vec::len);
+        let surfaces = narrow.iter().flatten().next().map_or(0, Vec::len);
         let end = |surface: usize| {
             let ends =
                 |step: &Vec<Vec<bool>>| step[properties.clone()].iter().all(|of| of[surface]);
@@ -441,61 +427,45 @@ impl Fitted {
 
 /// The standard deviation; 1 where the readings do not differ.
 fn deviation(readings: &[f64]) -> f64 {
-    let standardiser = Standardiser::of(readings.iter().copied()).unwrap_or_default();
-    if standardiser.std > 0.0 {
-        standardiser.std
-    } else {
-        1.0
-    }
+    let Standardiser { std, .. } = Standardiser::of(readings.iter().copied()).unwrap_or_default();
+    if std > 0.0 { std } else { 1.0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The parts of the range that intervals cover, and of estimates beyond it those next to the end.
-    #[test]
-    fn an_interval_is_cut_to_the_range_and_has_a_width() {
+    fn measure(range: Option<[f64; 2]>, readings: &[f64]) -> Measure {
         let wanted = Wanted {
             property: "fRS".to_owned(),
             views: vec![0],
-            range: Some([0.0, 10.0]),
+            range,
         };
-        let mut measure = Measure::of(&wanted, &[4.0, 6.0]);
+        Measure::of(&wanted, readings)
+    }
+
+    /// The parts of the range that intervals cover, and of estimates beyond it those next to the end.
+    #[test]
+    fn an_interval_is_cut_to_the_range_and_has_a_width() {
+        let mut measure = measure(Some([0.0, 10.0]), &[4.0, 6.0]);
         measure.interval = Interval::Errors(2.0);
-        let expected = [
-            (5.0, 1.0),
-            (9.0, 1.0),
-            (10.5, 1.0),
-            (13.0, 1.0),
-            (-1.0, 0.25),
-        ]
-        .map(|(value, error)| Expected { value, error });
+        let (values, errors) = ([5.0, 9.0, 10.5, 13.0, -1.0], [1.0, 1.0, 1.0, 1.0, 0.25]);
+        let expected = values.into_iter().zip(errors);
+        let expected = expected.map(|(value, error)| Expected { value, error });
+        let expected: Vec<Expected> = expected.collect();
         let predicted = measure.predicted(&expected, None, (Ok(2.0), Level::P90));
         assert_eq!(predicted.values, [5.0, 9.0, 10.0, 10.0, 0.0]);
         let ends = predicted.intervals.unwrap();
-        let ends: Vec<_> = ends.iter().map(|ends| [ends.low, ends.high]).collect();
-        assert_eq!(
-            ends,
-            [
-                [3.0, 7.0],
-                [7.0, 10.0],
-                [8.0, 10.0],
-                [8.0, 10.0],
-                [0.0, 0.5]
-            ]
-        );
+        let ends = ends.iter().map(|ends| (ends.low, ends.high));
+        let (lows, highs): (Vec<f64>, Vec<f64>) = ends.unzip();
+        assert_eq!(lows, [3.0, 7.0, 8.0, 8.0, 0.0]);
+        assert_eq!(highs, [7.0, 10.0, 10.0, 10.0, 0.5]);
     }
 
     #[test]
     fn looking_ends_at_the_first_interval_that_is_narrow_enough() {
-        let wanted = Wanted {
-            property: "fRS".to_owned(),
-            views: vec![0],
-            range: None,
-        };
         let fitted = Fitted {
-            measures: vec![Measure::of(&wanted, &[40.0, 60.0])],
+            measures: vec![measure(None, &[40.0, 60.0])],
             stages: Vec::new(),
             familiar: Err(String::new()),
             level: Level::P90,
@@ -509,7 +479,7 @@ mod tests {
         };
         assert!(fitted.deviations().eq([10.0]));
         // The mean of ten equal readings is not one of them in f64.
-        assert_eq!(Measure::of(&wanted, &[0.1; 10]).deviation, 1.0);
+        assert_eq!(measure(None, &[0.1; 10]).deviation, 1.0);
         // 2.4, 1.8, 0.6 and 1.2 deviations wide.
         let steps = [12.0, 9.0, 3.0, 6.0].map(|half| Predictions {
             properties: vec![Predicted {

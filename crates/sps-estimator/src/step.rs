@@ -116,10 +116,8 @@ impl Fit<'_> {
         let embeddings = self.data.embeddings.select(&surfaces, self.views)?;
         let estimates = model.predict(&embeddings)?.pop();
         let estimates = estimates.into_iter().flat_map(|estimates| estimates.values);
-        let off = truths
-            .iter()
-            .zip(estimates)
-            .map(|(truth, estimate)| (truth - estimate).abs());
+        let off = truths.iter().zip(estimates);
+        let off = off.map(|(truth, estimate)| (truth - estimate).abs());
         Ok(surfaces.into_iter().zip(off).collect())
     }
 
@@ -129,9 +127,8 @@ impl Fit<'_> {
         residuals: &[Vec<Option<f64>>],
         surfaces: Vec<usize>,
     ) -> Result<Box<dyn FittedRegressor>> {
-        let names: Vec<String> = (0..self.properties.len())
-            .map(|at| at.to_string())
-            .collect();
+        let names = (0..self.properties.len()).map(|at| at.to_string());
+        let names: Vec<String> = names.collect();
         let plan = self.plan(&names, vec![(self.number, surfaces)]);
         let data = TrainingData {
             readings: &Readings::new(names, residuals)?,

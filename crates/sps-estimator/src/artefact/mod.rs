@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Component, Path};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -173,9 +173,8 @@ impl Estimator {
             let refused = |problem| Error::artefact(&folder.join(FAMILIAR), problem);
             let familiar = Familiar::from_bytes(&bytes).map_err(refused)?;
             if !familiar.answers(&steps, network.width()) {
-                return Err(refused(
-                    "other numbers of views, or another width".to_owned(),
-                ));
+                let problem = "other numbers of views, or another width";
+                return Err(refused(problem.to_owned()));
             }
             Ok(familiar)
         } else {
@@ -227,19 +226,16 @@ impl Card {
             let mut times = one.iter().chain(measure.several.iter().flatten());
             let widths = times.all(|times| positive(*times));
             if !(bounded && widths && positive(measure.deviation)) {
-                let property = &measure.property;
-                return Err(format!(
-                    "{property}: expected a range in order, and finite widths"
-                ));
+                let expected = "expected a range in order, and finite widths";
+                return Err(format!("{}: {expected}", measure.property));
             }
         }
         let mut before = 0;
         for stage in &self.stages {
             let views = stage.views;
             if views <= before {
-                return Err(format!(
-                    "{views} views after {before}, expected more each time"
-                ));
+                let expected = "expected more each time";
+                return Err(format!("{views} views after {before}, {expected}"));
             }
             before = views;
             let mut places: Vec<usize> = Vec::new();
@@ -248,9 +244,8 @@ impl Card {
                 let slots = group.slots.iter().all(|slot| *slot < views) && !group.slots.is_empty();
                 let least = group.least_errors.iter().all(|least| positive(*least));
                 if !slots || !least || group.least_errors.len() != group.properties.len() {
-                    return Err(format!(
-                        "{views} views: expected views below that, and an error each"
-                    ));
+                    let expected = "expected views below that, and an error each";
+                    return Err(format!("{views} views: {expected}"));
                 }
             }
             places.sort_unstable();
@@ -373,28 +368,20 @@ fn read_checked(
     checksums: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>> {
     let path = folder.join(name);
-    let plain = Path::new(name)
-        .components()
-        .eq([std::path::Component::Normal(name.as_ref())]);
-    if !plain {
-        return Err(Error::artefact(
-            &path,
-            "expected a file of the folder itself",
-        ));
+    let components = Path::new(name).components();
+    if !components.eq([Component::Normal(name.as_ref())]) {
+        let problem = "expected a file of the folder itself";
+        return Err(Error::artefact(&path, problem));
     }
     let checksum = checksums.get(name);
-    let path = checksum
-        .and_then(|sum| renamed(name, sum))
-        .map(|file| folder.join(file))
-        .filter(|path| path.exists())
-        .unwrap_or(path);
+    let file = checksum.and_then(|sum| renamed(name, sum));
+    let with_prefix = file.map(|file| folder.join(file));
+    let path = with_prefix.filter(|path| path.exists()).unwrap_or(path);
     let bytes = fs::read(&path).map_err(Error::file(&path))?;
     let found = blake3::hash(&bytes).to_hex();
     if checksum.is_some_and(|sum| *sum == *found) {
         return Ok(bytes);
     }
-    Err(Error::artefact(
-        &path,
-        "not the file that the model was written with",
-    ))
+    let problem = "not the file that the model was written with";
+    Err(Error::artefact(&path, problem))
 }

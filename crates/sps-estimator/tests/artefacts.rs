@@ -15,18 +15,14 @@ use support::{Tables, block, npy, photograph, recipe, ridge};
 
 fn kept() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    Tables::new(16, 1, 1)
-        .estimator(&recipe(ridge(), &[0]))
-        .save(folder.path())
-        .unwrap();
+    let estimator = Tables::new(16, 1, 1).estimator(&recipe(ridge(), &[0]));
+    estimator.save(folder.path()).unwrap();
     folder
 }
 
 fn refused(folder: &Path) -> String {
-    Estimator::load(folder)
-        .err()
-        .expect("a damaged model was read")
-        .to_string()
+    let error = Estimator::load(folder).err();
+    error.expect("a damaged model was read").to_string()
 }
 
 #[test]
@@ -52,9 +48,8 @@ fn every_changed_file_is_noticed_and_named() {
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
     names.sort();
     names
 }
@@ -145,14 +140,10 @@ fn any_damage_is_refused_or_harmless() {
     let folder = kept();
     let folder = folder.path();
     let names = names(folder);
-    let wholes: Vec<Vec<u8>> = names
-        .iter()
-        .map(|name| fs::read(folder.join(name)).unwrap())
-        .collect();
-    let card = names
-        .iter()
-        .position(|name| name == "estimator.json")
-        .unwrap();
+    let whole = |name: &String| fs::read(folder.join(name)).unwrap();
+    let wholes: Vec<Vec<u8>> = names.iter().map(whole).collect();
+    let card = names.iter().position(|name| name == "estimator.json");
+    let card = card.unwrap();
     let asked = [photograph(40, 0)];
     let input = (0..names.len(), Damage::some(), any::<bool>());
     fuzz("artefacts", &input, |(file, damages, in_header)| {
@@ -186,9 +177,8 @@ fn any_damage_is_refused_or_harmless() {
 
 #[test]
 fn files_of_embeddings() {
-    let files = ["oak/1.jpg", "denim/1.jpg", "3.png"]
-        .map(str::to_owned)
-        .to_vec();
+    let files = ["oak/1.jpg", "denim/1.jpg", "3.png"];
+    let files = files.map(str::to_owned).to_vec();
     let values: Vec<f32> = (0..9).map(|at| at as f32).collect();
     let blocks = vec![block("early", 2), block("late", 1)];
     let several = Precomputed::new(blocks, files.clone(), values.clone()).unwrap();
@@ -198,10 +188,8 @@ fn files_of_embeddings() {
         if let Some(rows) = said(Precomputed::from_bytes(bytes)) {
             said(rows.rows_of(&files));
             assert_eq!(rows.values().len(), rows.rows() * rows.width());
-            assert_eq!(
-                Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
-                rows
-            );
+            let again = Precomputed::from_bytes(&rows.to_bytes().unwrap());
+            assert_eq!(again.unwrap(), rows);
         }
     };
     fuzz("embeddings", &broken(safetensors), |bytes| read(&bytes));

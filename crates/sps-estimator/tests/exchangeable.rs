@@ -2,11 +2,10 @@
 
 mod support;
 
-use sps_dataset::{Surface, Units};
-use sps_estimator::{Calibration, Fitted, Predictions, Recipe, Widths};
+use sps_estimator::{Fitted, Predictions, Recipe, Widths};
 use sps_metrics::Level;
 use sps_regress::{Embeddings, Readings};
-use support::{examples, ridge, uniform};
+use support::{calibration, examples, grouped, ridge, uniform};
 
 const WIDTH: usize = 6;
 const DRAWS: usize = 1500;
@@ -21,26 +20,11 @@ fn normals<const N: usize>(purpose: &str, index: usize) -> [f64; N] {
     std::array::from_fn(|at| normal(purpose, (index * N + at) as u64))
 }
 
-fn recipe(share: f64, number: u64) -> Recipe {
-    let calibration = Calibration {
-        share: Some(share),
-        level: Level::new(0.8).unwrap(),
-        seed: number,
-    };
+fn recipe<P: Into<String>>(properties: impl IntoIterator<Item = P>, seed: u64) -> Recipe {
     Recipe {
         widths: Widths::Constant,
-        ..Recipe::new(ridge(), ["felt"], &[0], calibration)
+        ..Recipe::new(ridge(), properties, &[0], calibration(0.4, 0.8, seed))
     }
-}
-
-/// So many groups of equally many surfaces.
-fn grouped(groups: usize, of_group: usize) -> Units {
-    let surface = |at: usize| Surface {
-        id: at.to_string(),
-        material: String::new(),
-        group: (at / of_group).to_string(),
-    };
-    Units::of(&(0..groups * of_group).map(surface).collect::<Vec<_>>())
 }
 
 /// Fits to single surfaces and what was felt on each, a value for each property.
@@ -49,7 +33,7 @@ fn fitted(recipe: &Recipe, embedded: &Embeddings, felt: &[Vec<f64>], draw: usize
     let rows: Vec<Vec<Option<f64>>> = felt.iter().map(cells).collect();
     let names = recipe.wanted.iter().map(|wanted| wanted.property.clone());
     let readings = Readings::new(names.collect(), &rows).unwrap();
-    let (units, all) = (grouped(rows.len(), 1), (0..rows.len()).collect::<Vec<_>>());
+    let (units, all) = (grouped(0..rows.len()), (0..rows.len()).collect::<Vec<_>>());
     let examples = examples(embedded, &readings, &units);
     recipe.fit(&examples, &all, draw as u64).unwrap()
 }
@@ -82,9 +66,9 @@ fn embedded(group: usize, member: usize, learned: bool) -> [f64; WIDTH] {
 /// The p-value of a surface of a new group, of a model whose encoder learned from the surfaces that are
 /// fitted to; none where the fit is not told.
 fn p_value(draw: usize, (groups, of_group): (usize, usize), told: bool) -> Option<f64> {
-    let units = grouped(groups, of_group);
     let all: Vec<usize> = (0..groups * of_group).collect();
-    let recipe = recipe(0.4, draw as u64);
+    let units = grouped(all.iter().map(|at| at / of_group));
+    let recipe = recipe(["felt"], draw as u64);
     let part = recipe.calibration.part(&units, &all, 0).unwrap();
     let of = |at: usize| {
         let group = draw * (groups + 1) + at / of_group;
@@ -93,10 +77,8 @@ fn p_value(draw: usize, (groups, of_group): (usize, usize), told: bool) -> Optio
     };
     let rows: Vec<[f64; WIDTH]> = all.iter().map(|&at| of(at)).collect();
     let felt: Vec<Vec<Option<f64>>> = rows.iter().map(|row| vec![Some(row[0])]).collect();
-    let (embedded, readings) = (
-        embeddings(&rows),
-        Readings::new(vec!["felt".into()], &felt).unwrap(),
-    );
+    let embedded = embeddings(&rows);
+    let readings = Readings::new(vec!["felt".into()], &felt).unwrap();
     let mut examples = examples(&embedded, &readings, &units);
     examples.encoder_saw = if told { &part.train } else { &[] };
     let fitted = recipe.fit(&examples, &all, 0).unwrap();
@@ -175,7 +157,7 @@ fn errors(of: Errors, surface: usize) -> [f64; PHOTOGRAPHS] {
 /// each does. Photographs of 99 surfaces calibrate, one of each.
 fn held(of: Errors, trial: usize) -> [bool; 2] {
     let first = trial * (SURFACES + 1);
-    let units = grouped(SURFACES, 1);
+    let units = grouped(0..SURFACES);
     let calibrating = (0..SURFACES).map(|at| (at, errors(of, first + at)[0]));
     let calibrating: Vec<(usize, f64)> = calibrating.collect();
     let new = errors(of, first + SURFACES);
@@ -215,11 +197,7 @@ fn joint_intervals_hold_all_properties_at_once() {
     const SURFACES: usize = 60;
     const NEW: usize = 20;
     let names: Vec<String> = (0..PROPERTIES).map(|at| at.to_string()).collect();
-    let alike = recipe(0.4, 0);
-    let recipe = Recipe {
-        widths: alike.widths,
-        ..Recipe::new(ridge(), &names, &[0], alike.calibration)
-    };
+    let recipe = recipe(&names, 0);
     let (mut alone, mut at_once) = (0, 0);
     let draws = DRAWS / 10;
     for draw in 0..draws {
@@ -244,14 +222,10 @@ fn joint_intervals_hold_all_properties_at_once() {
         at_once += hold(&fitted.predict_jointly(&embeddings(new)).unwrap());
     }
     let share = |count: usize| count as f64 / (draws * NEW) as f64;
-    println!(
-        "all three held: {:.3} alone, {:.3} at once",
-        share(alone),
-        share(at_once)
-    );
-    let error = error(draws, NEW);
-    assert!((share(at_once) - 0.8).abs() < error, "{}", share(at_once));
-    assert!(share(alone) < 0.7, "{}", share(alone));
+    let [alone, at_once] = [alone, at_once].map(share);
+    println!("all three held: {alone:.3} alone, {at_once:.3} at once");
+    assert!((at_once - 0.8).abs() < error(draws, NEW), "{at_once}");
+    assert!(alone < 0.7, "{alone}");
 }
 
 /// Surfaces that differ in how hard they are, seen in three views that are each as hard. 24 of 60 calibrate
@@ -261,7 +235,7 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
     const VIEWS: usize = 3;
     const SURFACES: usize = 60;
     const NEW: usize = 20;
-    let mut recipe = recipe(0.4, 0);
+    let mut recipe = recipe(["felt"], 0);
     recipe.one_by_one = true;
     recipe.widths = Widths::ByPhotograph;
     recipe.wanted[0].views = (0..VIEWS).collect();

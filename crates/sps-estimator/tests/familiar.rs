@@ -32,11 +32,8 @@ fn what_the_encoder_saw_is_not_held_against() {
             for &width in tables.embeddings.blocks() {
                 let (block, rest) = row.split_at(width);
                 let squares = block.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
-                units.extend(
-                    block
-                        .iter()
-                        .map(|&x| (f64::from(x) / squares.sqrt()) as f32),
-                );
+                let unit = |&x: &f32| (f64::from(x) / squares.sqrt()) as f32;
+                units.extend(block.iter().map(unit));
                 row = rest;
             }
             units
@@ -56,22 +53,16 @@ fn what_the_encoder_saw_is_not_held_against() {
 fn a_model_that_does_not_know_what_is_familiar_says_why() {
     let tables = Tables::new(40, 1, 1);
     let recipe = recipe(ridge(), &[0]);
-    let fitted = tables
-        .fit_beside(&recipe, &tables.part(&recipe).train)
-        .unwrap();
-    let estimator = Estimator::new(support::embedder(), fitted, about(&[0])).unwrap();
+    let fitted = tables.fit_beside(&recipe, &tables.part(&recipe).train);
+    let estimator = Estimator::new(support::embedder(), fitted.unwrap(), about(&[0])).unwrap();
     let folder = tempfile::tempdir().unwrap();
     estimator.save(folder.path()).unwrap();
     assert!(!folder.path().join("familiar.safetensors").exists());
     let again = Estimator::load(folder.path()).unwrap();
     for model in [estimator, again] {
-        assert_eq!(
-            model.fitted().no_familiar(),
-            Some(
-                "the encoder learned from the surfaces fitted to, and found 16 surfaces that it has not \
-                seen, expected at least 19 for a p-value of 0.05"
-            )
-        );
+        let reason = "the encoder learned from the surfaces fitted to, and found 16 surfaces that it has not \
+                      seen, expected at least 19 for a p-value of 0.05";
+        assert_eq!(model.fitted().no_familiar(), Some(reason));
         let one = [photograph(70, 0)];
         assert_eq!(model.predict(&one).unwrap().familiar, None);
         let map = model.map(&one[0], 16, Sight::Within).unwrap();

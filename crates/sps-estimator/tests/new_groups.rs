@@ -2,10 +2,11 @@
 
 mod support;
 
-use sps_dataset::{Surface, Units};
-use sps_estimator::{Calibration, radius};
+use std::iter::repeat_n;
+
+use sps_estimator::radius;
 use sps_metrics::Level;
-use support::uniform;
+use support::{calibration, grouped, uniform};
 
 const GROUPS: usize = 40;
 const TRIALS: usize = 3000;
@@ -21,26 +22,16 @@ fn group(number: usize) -> (usize, f64) {
 /// Whether an interval that is calibrated on a quarter of forty groups holds the value of another.
 fn held(trial: usize) -> bool {
     let groups = trial * (GROUPS + 1)..trial * (GROUPS + 1) + GROUPS;
-    let (mut surfaces, mut residuals) = (Vec::new(), Vec::new());
+    let (mut numbers, mut residuals) = (Vec::new(), Vec::new());
     for number in groups.clone() {
         let (size, residual) = group(number);
-        for _ in 0..size {
-            surfaces.push(Surface {
-                id: residuals.len().to_string(),
-                material: String::new(),
-                group: number.to_string(),
-            });
-            residuals.push(residual);
-        }
+        numbers.extend(repeat_n(number, size));
+        residuals.extend(repeat_n(residual, size));
     }
-    let units = Units::of(&surfaces);
-    let calibration = Calibration {
-        share: Some(0.25),
-        level: Level::P90,
-        seed: 5,
-    };
-    let all: Vec<usize> = (0..surfaces.len()).collect();
-    let part = calibration.part(&units, &all, trial as u64).unwrap();
+    let units = grouped(numbers.into_iter());
+    let all: Vec<usize> = (0..residuals.len()).collect();
+    let part = calibration(0.25, 0.9, 5).part(&units, &all, trial as u64);
+    let part = part.unwrap();
     let calibrating = part.validation.iter().map(|&at| (at, residuals[at]));
     let radius = radius(&units, &calibrating.collect::<Vec<_>>(), Level::P90).unwrap();
     group(groups.end).1 <= radius

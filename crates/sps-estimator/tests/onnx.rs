@@ -10,9 +10,8 @@ use support::{Tables, about, examples, photograph, recipe, refused, ridge};
 
 fn network() -> Network {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/onnx/tiny.onnx");
-    let outputs = vec!["map".to_owned(), "pooled".to_owned()];
     let settings = OnnxSettings {
-        outputs,
+        outputs: vec!["map".to_owned(), "pooled".to_owned()],
         ..OnnxSettings::default()
     };
     Network::Onnx(OnnxEncoder::read(&path, settings).unwrap())
@@ -32,10 +31,8 @@ fn a_model_keeps_its_network() {
     let tables = Tables::new(40, 1, 1);
     let embeddings = embedder.table(&values, 40, 1).unwrap();
     let examples = examples(&embeddings, &tables.readings, &tables.units);
-    let fitted = recipe(ridge(), &[0])
-        .fit(&examples, &tables.all(), 0)
-        .unwrap();
-    let estimator = Estimator::new(embedder, fitted, about(&[0])).unwrap();
+    let fitted = recipe(ridge(), &[0]).fit(&examples, &tables.all(), 0);
+    let estimator = Estimator::new(embedder, fitted.unwrap(), about(&[0])).unwrap();
     let folder = tempfile::tempdir().unwrap();
     estimator.save(folder.path()).unwrap();
     let again = Estimator::load(folder.path()).unwrap();
@@ -43,10 +40,8 @@ fn a_model_keeps_its_network() {
     assert_eq!(answer, estimator.predict(&frames[..1]).unwrap());
     // The map of a photograph that is one window is its estimate.
     let map = again.map(&frames[0], 1, Sight::Within).unwrap();
-    assert_eq!(
-        map.predictions.properties[0].values,
-        [answer.estimates[0].value]
-    );
+    let values = &map.predictions.properties[0].values;
+    assert_eq!(*values, [answer.estimates[0].value]);
 
     std::fs::write(folder.path().join("encoder.onnx"), b"another").unwrap();
     refused(Estimator::load(folder.path()), "encoder.onnx");

@@ -13,12 +13,8 @@ fn safetensors() -> Vec<u8> {
     let header = r#"{"__metadata__":{"files":"[\"a/1.jpg\", \"a/2.jpg\"]"},"early":{"dtype":"F32","shape":[2,2],"data_offsets":[0,16]},"late":{"dtype":"F32","shape":[2,1],"data_offsets":[16,24]}}"#;
     let values = [1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0];
     let values = values.iter().flat_map(|value| value.to_le_bytes());
-    let length = (header.len() as u64).to_le_bytes();
-    length
-        .into_iter()
-        .chain(header.bytes())
-        .chain(values)
-        .collect()
+    let length = (header.len() as u64).to_le_bytes().into_iter();
+    length.chain(header.bytes()).chain(values).collect()
 }
 
 fn texts(names: &[&str]) -> Vec<String> {
@@ -49,10 +45,8 @@ fn rows_are_found_by_the_ends_of_paths() {
     let files = texts(&["/data/oak/1.jpg", "/data/1.jpg", "/data/denim/1.png"]);
     let rows = Precomputed::new(vec![block("a", 1)], files, vec![1.0, 2.0, 3.0]).unwrap();
     let found = |names: &[&str]| rows.rows_of(&texts(names));
-    assert_eq!(
-        found(&["denim/1.png", "1.jpg", "oak/1.jpg"]).unwrap(),
-        [3.0, 2.0, 1.0]
-    );
+    let turned = found(&["denim/1.png", "1.jpg", "oak/1.jpg"]);
+    assert_eq!(turned.unwrap(), [3.0, 2.0, 1.0]);
     assert_eq!(found(&["denim/1", "oak/1"]).unwrap(), [3.0, 1.0]);
     let missing = found(&["oak/1.jpg", "oak/2.jpg"]);
     refused(missing, "a row of oak/2.jpg: found none");
@@ -71,24 +65,16 @@ fn what_makes_no_rows_is_refused() {
     said(b"", "not a safetensors file");
     let changed = |from: &str, to: &str| {
         let bytes = safetensors();
-        let at = bytes
-            .windows(from.len())
-            .position(|part| part == from.as_bytes())
-            .unwrap();
+        let mut parts = bytes.windows(from.len());
+        let at = parts.position(|part| part == from.as_bytes()).unwrap();
         [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
     };
-    said(
-        &changed("[2,2]", "[4,1]"),
-        "the tensor late: found [2, 1], expected (4, width)",
-    );
-    said(
-        &changed(r#"[\"a/1.jpg\", "#, r"[             "),
-        "files: found 1, expected 2",
-    );
-    said(
-        &changed(r#"[\"a/1.jpg\""#, r#"{\"a/1.jpg\""#),
-        "a JSON list of texts",
-    );
+    let late = "the tensor late: found [2, 1], expected (4, width)";
+    said(&changed("[2,2]", "[4,1]"), late);
+    let fewer = changed(r#"[\"a/1.jpg\", "#, r"[             ");
+    said(&fewer, "files: found 1, expected 2");
+    let no_list = changed(r#"[\"a/1.jpg\""#, r#"{\"a/1.jpg\""#);
+    said(&no_list, "a JSON list of texts");
     let mut one = npy(&[0.0; 4], 2);
     let shape = one.windows(6).position(|part| part == b"(2, 2)").unwrap();
     one[shape..shape + 6].copy_from_slice(b"(4,)  ");
@@ -110,10 +96,8 @@ fn a_model_asks_for_embeddings() {
     let blind = read_again(&Estimator::new(blind, fitted, about).unwrap());
     let asked = [photograph(97, 0)];
     let values = embedder().embed(&asked).unwrap();
-    assert_eq!(
-        blind.predict_embedded(&values, 1).unwrap(),
-        seeing.predict(&asked).unwrap()
-    );
+    let answer = blind.predict_embedded(&values, 1).unwrap();
+    assert_eq!(answer, seeing.predict(&asked).unwrap());
     let images = "photographs: found images, expected their embeddings";
     refused(blind.predict(&asked), images);
 }

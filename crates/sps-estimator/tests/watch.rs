@@ -6,12 +6,9 @@ mod support;
 use std::collections::BTreeSet;
 
 use sps_dataset::{Source, Unit, Units};
-use sps_estimator::{Calibration, Estimator, Recipe, Regression, Watch, Widths};
-use sps_metrics::Level;
+use sps_estimator::{Estimator, Recipe, Watch, Widths};
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
-use sps_regress::AnyRegressor;
-use sps_regress::kernel_ridge::KernelRidge;
-use support::{Photographs, about, examples};
+use support::{Photographs, about, calibration, examples, kernel};
 
 struct Streams(Photographs);
 
@@ -32,15 +29,10 @@ impl Streams {
 
     /// The photograph of the stream at which there is an alarm, of a model fitted on others.
     fn alarm(&self, fitted_on: &[usize], stream: &[usize], number: u64) -> Option<u64> {
-        let ridge = Regression::Rows(AnyRegressor::KernelRidge(KernelRidge::default()));
-        let calibration = Calibration {
-            share: Some(0.25),
-            level: Level::P90,
-            seed: 0,
-        };
+        let (properties, calibration) = (self.0.readings.properties(), calibration(0.25, 0.9, 0));
         let recipe = Recipe {
             widths: Widths::Constant,
-            ..Recipe::new(ridge, self.0.readings.properties(), &[0], calibration)
+            ..Recipe::new(kernel(), properties, &[0], calibration)
         };
         let units = self.units();
         let examples = examples(&self.0.embeddings, &self.0.readings, &units);
@@ -49,9 +41,7 @@ impl Streams {
         let mut watch = Watch::new(&model).unwrap();
         let row = |surface: &usize| self.0.embeddings.get(*surface, 0).unwrap();
         // By name, one kind follows the other.
-        let scores = stream
-            .iter()
-            .map(|surface| watch.score(row(surface)).unwrap());
+        let scores = stream.iter().map(|at| watch.score(row(at)).unwrap());
         watch.see_in_any_order(scores.collect());
         assert_eq!(watch.seen(), stream.len() as u64);
         watch.alarm()
@@ -84,9 +74,8 @@ fn known_kinds_raise_no_alarm_and_one_that_was_left_out_does() {
         return;
     };
     let drawn = (0..DRAWS).filter(|&draw| {
-        let split = rated
-            .units()
-            .keep_aside(&rated.all(), 0.3, 0, "stream", draw);
+        let units = rated.units();
+        let split = units.keep_aside(&rated.all(), 0.3, 0, "stream", draw);
         let split = split.unwrap();
         rated.alarm(&split.train, &split.validation, draw).is_some()
     });
@@ -104,8 +93,7 @@ fn a_material_that_was_left_out_raises_one() {
     };
     let alarms = photographs.left_out(20);
     assert_eq!(alarms.len(), 8);
-    assert!(
-        alarms.iter().all(|alarm| alarm.is_some_and(|at| at < 25)),
-        "{alarms:?}"
-    );
+    let mut all = alarms.iter();
+    let early = all.all(|alarm| alarm.is_some_and(|at| at < 25));
+    assert!(early, "{alarms:?}");
 }

@@ -11,6 +11,7 @@ use sps_estimator::{
 };
 use sps_metrics::Level;
 use sps_models::encoders::{Block, Depths, Encoder, EncoderKind};
+use sps_regress::kernel_ridge::KernelRidge;
 use sps_regress::ridge::Ridge;
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
@@ -54,6 +55,10 @@ pub(crate) fn ridge() -> Regression {
     Regression::Rows(AnyRegressor::Ridge(Ridge::default()))
 }
 
+pub(crate) fn kernel() -> Regression {
+    Regression::Rows(AnyRegressor::KernelRidge(KernelRidge::default()))
+}
+
 /// Tables of surfaces of which so many form a group.
 pub(crate) struct Tables {
     pub embeddings: Embeddings,
@@ -74,40 +79,28 @@ impl Tables {
 
     /// Sets what was read of the first property of a surface.
     pub(crate) fn set(&mut self, surface: usize, reading: f64) {
-        let properties = self.readings.properties().to_vec();
-        let row = |at: usize| -> Vec<Option<f64>> {
-            let cells = (0..properties.len()).map(|column| self.readings.get(at, column));
-            cells.collect()
-        };
+        let row = |at| self.readings.row(at).unwrap().to_vec();
         let mut rows: Vec<_> = (0..self.readings.surfaces()).map(row).collect();
         rows[surface][0] = Some(reading);
+        let properties = self.readings.properties().to_vec();
         self.readings = Readings::new(properties, &rows).unwrap();
     }
 
     fn of(surfaces: usize, views: usize, of_group: usize, resize: Option<usize>) -> Self {
         let embedder = embedder_of(resize);
-        let frames: Vec<Frame> = (0..surfaces)
-            .flat_map(|surface| (0..views).map(move |view| photograph(surface, view)))
-            .collect();
-        let values = embedder.embed(&frames).unwrap();
+        let frames =
+            (0..surfaces).flat_map(|surface| (0..views).map(move |view| photograph(surface, view)));
+        let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
         let row = |surface: usize| {
-            let noise = 4.0 * uniform("noise", surface as u64);
-            vec![
-                Some(60.0 * brightness(surface) + noise),
-                Some(10.0 - 5.0 * brightness(surface)),
-            ]
+            let (bright, noise) = (brightness(surface), uniform("noise", surface as u64));
+            let felt = [60.0 * bright + 4.0 * noise, 10.0 - 5.0 * bright];
+            felt.map(Some).to_vec()
         };
         let rows: Vec<Vec<Option<f64>>> = (0..surfaces).map(row).collect();
-        let of_group = |surface: usize| Surface {
-            id: surface.to_string(),
-            material: String::new(),
-            group: (surface / of_group).to_string(),
-        };
-        let list: Vec<Surface> = (0..surfaces).map(of_group).collect();
         Self {
             embeddings: embedder.table(&values, surfaces, views).unwrap(),
             readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
-            units: Units::of(&list),
+            units: grouped((0..surfaces).map(|surface| surface / of_group)),
             resize,
         }
     }
@@ -148,6 +141,16 @@ impl Tables {
     }
 }
 
+/// Surfaces of groups of these numbers.
+pub(crate) fn grouped(groups: impl Iterator<Item = usize>) -> Units {
+    let surface = |group: usize| Surface {
+        id: String::new(),
+        material: String::new(),
+        group: group.to_string(),
+    };
+    Units::of(&groups.map(surface).collect::<Vec<_>>())
+}
+
 /// Of photographs of such views, ten degrees apart.
 pub(crate) fn about(views: &[usize]) -> About {
     About {
@@ -172,12 +175,15 @@ pub(crate) fn examples<'a>(
 }
 
 pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
-    let calibration = Calibration {
-        share: Some(0.4),
-        level: Level::new(0.8).unwrap(),
-        seed: 1,
-    };
-    Recipe::new(regression, ["fRS", "felt"], views, calibration)
+    Recipe::new(regression, ["fRS", "felt"], views, calibration(0.4, 0.8, 1))
+}
+
+pub(crate) fn calibration(share: f64, level: f64, seed: u64) -> Calibration {
+    Calibration {
+        share: Some(share),
+        level: Level::new(level).unwrap(),
+        seed,
+    }
 }
 
 /// The same, written to a folder and read from it.

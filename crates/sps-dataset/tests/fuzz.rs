@@ -8,27 +8,26 @@ mod fuzz;
 #[path = "suite/made.rs"]
 mod made;
 
+use std::path::{Path, PathBuf};
+
 use fuzz::{Damage, damaged, fuzz, nested};
 use made::{MANIFEST, Made, SURFACES};
 use proptest::prelude::*;
 use proptest::sample::select;
 use sps_dataset::{DecodeSettings, FrameErrorKind, Source, TactileSettings, decode_image};
 
-/// Every image file of `tests/data`.
-fn images() -> Vec<String> {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
-    let mut names = Vec::new();
-    for format in ["exr", "png", "jpeg"] {
-        for entry in std::fs::read_dir(folder.join(format)).unwrap() {
-            let path = entry.unwrap().path();
-            if path.extension().is_some_and(|ending| ending != "f32") {
-                let name = path.file_name().unwrap().to_str().unwrap();
-                names.push(format!("{format}/{name}"));
-            }
-        }
-    }
-    names.sort();
-    names
+/// Every image file of a format in `tests/data`, by name.
+fn images(format: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let entries = std::fs::read_dir(folder.join(format)).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let is_image = |path: &PathBuf| path.extension().is_some_and(|ending| ending != "f32");
+    let mut paths: Vec<PathBuf> = paths.filter(is_image).collect();
+    paths.sort();
+    paths
+        .iter()
+        .map(|path| std::fs::read(path).unwrap())
+        .collect()
 }
 
 fn decode(bytes: &[u8]) {
@@ -49,9 +48,8 @@ fn open(made: &Made) {
     match made.open() {
         Ok(dataset) => {
             let settings = TactileSettings::default();
-            let averages = dataset
-                .tactile()
-                .averages(&settings, dataset.surfaces().len());
+            let surfaces = dataset.surfaces().len();
+            let averages = dataset.tactile().averages(&settings, surfaces);
             for property in averages.properties() {
                 let mut values = averages.column(property).into_iter().flatten();
                 assert!(values.all(f64::is_finite));
@@ -96,11 +94,8 @@ fn archives() -> Vec<Table> {
     ];
     let archives = archives.into_iter().filter(|_| cfg!(feature = "npz"));
     let read = |(settings, name)| {
-        (
-            settings,
-            "tactile.npz",
-            common::data(&format!("npz/{name}.npz")),
-        )
+        let archive = common::data(&format!("npz/{name}.npz"));
+        (settings, "tactile.npz", archive)
     };
     archives.map(read).collect()
 }
@@ -128,10 +123,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 
 /// Images of a format, damaged.
 fn broken(format: &str) -> impl Strategy<Value = Vec<u8>> {
-    let names = images();
-    let names = names.iter().filter(|name| name.starts_with(format));
-    let files: Vec<Vec<u8>> = names.map(|name| common::data(name)).collect();
-    (select(files), Damage::some()).prop_map(|(file, damages)| damaged(file, &damages))
+    (select(images(format)), Damage::some()).prop_map(|(file, damages)| damaged(file, &damages))
 }
 
 #[test]
@@ -231,41 +223,35 @@ fn arrays_in_an_archive() {
     use std::io::{Cursor, Read, Write};
     let index = any::<proptest::sample::Index>();
     let input = (select(archives()), index, Damage::some());
-    fuzz(
-        "npy",
-        &input,
-        |((settings, file, archive), which, damages)| {
-            let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
-            let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
-            let which = which.index(archive.len());
-            for index in 0..archive.len() {
-                let mut array = archive.by_index(index).unwrap();
-                let mut content = Vec::new();
-                array.read_to_end(&mut content).unwrap();
-                if index == which {
-                    content = damaged(content, &damages);
-                }
-                let name = array.name().unwrap().into_owned();
-                let options = zip::write::SimpleFileOptions::default();
-                writer.start_file(name, options).unwrap();
-                writer.write_all(&content).unwrap();
+    fuzz("npy", &input, |(table, which, damages)| {
+        let (settings, file, archive) = table;
+        let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
+        let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let which = which.index(archive.len());
+        for index in 0..archive.len() {
+            let mut array = archive.by_index(index).unwrap();
+            let mut content = Vec::new();
+            array.read_to_end(&mut content).unwrap();
+            if index == which {
+                content = damaged(content, &damages);
             }
-            let bytes = writer.finish().unwrap().into_inner();
-            open(&Made::new(settings, file, bytes));
-        },
-    );
+            let name = array.name().unwrap().into_owned();
+            let options = zip::write::SimpleFileOptions::default();
+            writer.start_file(name, options).unwrap();
+            writer.write_all(&content).unwrap();
+        }
+        let bytes = writer.finish().unwrap().into_inner();
+        open(&Made::new(settings, file, bytes));
+    });
 }
 
 #[test]
 fn noise_as_a_table() {
     let input = (select([tables(), archives()].concat()), noise());
-    fuzz(
-        "noise as a table",
-        &input,
-        |((settings, file, _), bytes)| {
-            open(&Made::new(settings, file, bytes));
-        },
-    );
+    fuzz("noise as a table", &input, |(table, bytes)| {
+        let (settings, file, _) = table;
+        open(&Made::new(settings, file, bytes));
+    });
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn the_tiny_dataset_is_what_its_readme_says() {
 fn inspection_says_how_much_lies_between_groups() {
     let table = "surface,location,repeat,fRS,cDF\n\
                  a,0,0,0,1\nb,0,0,2,\nc,0,0,10,2\nd,0,0,12,\ne,0,0,,3\n";
-    let made = Made::new("", "tactile.csv", table);
+    let made = Made::long(table);
     let surfaces = "surface,material,group\na,wood,x\nb,wood,x\nc,wood,y\nd,wood,y\ne,wood,z\n";
     made.write("surfaces.csv", surfaces);
     let inspection = made.open().unwrap().inspect(&TactileSettings::default());
@@ -97,10 +97,8 @@ fn frames_of_three_formats_come_in_the_order_asked_for() {
         .collect();
     let frames = decode_frames(&dataset, &all).unwrap();
     for (index, frame) in all.iter().zip(&frames) {
-        assert_eq!(
-            [frame.width, frame.height, frame.data.len()],
-            [32, 32, 3072]
-        );
+        let lengths = [frame.width, frame.height, frame.data.len()];
+        assert_eq!(lengths, [32, 32, 3072]);
         assert_eq!(frame, &dataset.frame(index.surface, index.view).unwrap());
     }
     // The glazed tile, seen straight down, is brighter than white all over.
@@ -112,7 +110,7 @@ fn frames_of_three_formats_come_in_the_order_asked_for() {
 
 #[test]
 fn the_first_frame_that_fails_is_the_one_reported() {
-    let made = Made::new("", "tactile.csv", TABLE);
+    let made = Made::long(TABLE);
     let dataset = made.open().unwrap();
     let frames = [2, 0, 1].map(|surface| FrameIndex { surface, view: 0 });
     let refused = decode_frames(&dataset, &frames).unwrap_err();
@@ -170,7 +168,7 @@ fn a_missing_folder_or_file_is_named() {
     let nowhere = DatasetFolder::open(Path::new("/nowhere/at all"), &ReadSettings::default());
     let expected = "/nowhere/at all: not a dataset: there is no such folder";
     assert_eq!(nowhere.unwrap_err().to_string(), expected);
-    let made = Made::new("", "tactile.csv", TABLE);
+    let made = Made::long(TABLE);
     std::fs::remove_file(made.path().join("tactile.csv")).unwrap();
     let refused = made.open().unwrap_err();
     assert!(refused.path().ends_with("tactile.csv"));
@@ -210,7 +208,7 @@ fn manifest_errors_name_the_line_and_the_nearest_key() {
         range = "{ from = DEGREES, to = DEGREES, count = VIEWS }",
     );
     let refusal = |manifest: String| {
-        let made = Made::new("", "tactile.csv", TABLE);
+        let made = Made::long(TABLE);
         made.write("dataset.toml", manifest);
         made.refusal()
     };
@@ -246,13 +244,10 @@ fn the_table_may_not_be_outside_the_folder() {
         let made = Made::new(&tactile, "tactile.csv", TABLE);
         let refused = made.open().unwrap_err();
         let found = format!("found `{file}`, expected a path below the dataset's folder");
-        assert!(
-            refused
-                .to_string()
-                .contains(&format!("tactile table: {found}")),
-            "{refused}"
-        );
         assert!(matches!(refused.kind(), DatasetErrorKind::Invalid(_)));
+        let message = refused.to_string();
+        let expected = format!("tactile table: {found}");
+        assert!(message.contains(&expected), "{message}");
     }
     let inside = "[tactile.long-csv]\nfile = \"tables/a.csv\"\n";
     let made = Made::new(inside, "tactile.csv", TABLE);
@@ -264,7 +259,7 @@ fn the_table_may_not_be_outside_the_folder() {
 #[test]
 fn surface_errors_name_the_line() {
     let refusal = |surfaces: &str| {
-        let made = Made::new("", "tactile.csv", TABLE);
+        let made = Made::long(TABLE);
         made.write("surfaces.csv", surfaces);
         made.refusal()
     };
@@ -299,7 +294,7 @@ fn surface_errors_name_the_line() {
 
 #[test]
 fn frame_errors_name_the_file() {
-    let made = Made::new("", "tactile.csv", TABLE);
+    let made = Made::long(TABLE);
     let frames = made.path().join("frames/a");
     std::fs::create_dir_all(&frames).unwrap();
     let dataset = made.open().unwrap();
@@ -324,17 +319,15 @@ fn frame_errors_name_the_file() {
     let limited = DatasetFolder::open(made.path(), &settings).unwrap();
     let refused = limited.frame(0, 0).unwrap_err();
     let refused: &FrameError = refused.downcast_ref().unwrap();
-    let too_large = matches!(
-        refused.kind(),
-        FrameErrorKind::FileTooLarge { limit: 100, .. }
-    );
-    assert!(too_large, "{refused}");
+    let FrameErrorKind::FileTooLarge { limit: 100, .. } = refused.kind() else {
+        panic!("{refused}");
+    };
 }
 
 #[cfg(feature = "exr")]
 #[test]
 fn inspection_finds_broken_and_unknown_frames() {
-    let made = Made::new("", "tactile.csv", TABLE);
+    let made = Made::long(TABLE);
     for (surface, frame) in [
         ("a", "oak-02/000.png"),
         ("b", "tile-01/002.exr"),

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use sps_dataset::{DatasetError, DatasetFolder, ReadSettings};
+use sps_dataset::{DatasetError, DatasetFolder, Property, RangePolicy, ReadSettings};
 use tempfile::TempDir;
 
 /// Three surfaces, one view, two properties.
@@ -15,9 +15,18 @@ view-angles-deg = [0.0]
 
 pub(crate) const SURFACES: &str = "surface,material,group\na,wood,a\nb,wood,b\nc,denim,c\n";
 
+pub(crate) fn property(code: &str) -> Property {
+    code.parse().unwrap()
+}
+
 pub(crate) struct Made(TempDir);
 
 impl Made {
+    /// A dataset with that table in the usual form.
+    pub(crate) fn long(table: &str) -> Self {
+        Self::new("", "tactile.csv", table)
+    }
+
     /// A dataset with that `[tactile]` and that table.
     pub(crate) fn new(tactile: &str, file: &str, table: impl AsRef<[u8]>) -> Self {
         let made = Self(TempDir::new().unwrap());
@@ -37,6 +46,13 @@ impl Made {
 
     pub(crate) fn open(&self) -> Result<DatasetFolder, DatasetError> {
         DatasetFolder::open(self.path(), &ReadSettings::default())
+    }
+
+    /// Opens it with that policy for values out of range.
+    pub(crate) fn open_with(&self, policy: RangePolicy) -> Result<DatasetFolder, DatasetError> {
+        let mut settings = ReadSettings::default();
+        settings.tactile.out_of_range = policy;
+        DatasetFolder::open(self.path(), &settings)
     }
 
     /// The message of opening it, after the name of the folder.

@@ -71,10 +71,8 @@ fn what_cannot_be_read_is_named() {
             (repeats, properties) or (locations, repeats, properties) with 2 properties, as in `property-order`
     ";
     for (archive, expected) in cases(keyed) {
-        assert_eq!(
-            npz("", &archive).refusal(),
-            format!("tactile.npz{expected}")
-        );
+        let refusal = npz("", &archive).refusal();
+        assert_eq!(refusal, format!("tactile.npz{expected}"));
     }
     let no_order = Made::new("[tactile.npz]", "tactile.npz", data("npz/keyed-f8.npz"));
     let expected = "tactile.npz: the order of its properties is not given";

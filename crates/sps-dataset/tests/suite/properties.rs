@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::made::{Made, SURFACES};
-use sps_dataset::{DatasetFolder, Property, RangePolicy, ReadSettings, Source, TactileSettings};
+use crate::made::{Made, SURFACES, cases, property};
+use sps_dataset::{RangePolicy, Source, TactileSettings};
 
 const OWN: &str = "\
 name = \"made\"
@@ -21,13 +21,9 @@ unit = \"Shore A\"
 ";
 
 fn own(manifest: &str, table: &str) -> Made {
-    let made = Made::new("", "tactile.csv", table);
+    let made = Made::long(table);
     made.write("dataset.toml", manifest);
     made
-}
-
-fn property(code: &str) -> Property {
-    code.parse().unwrap()
 }
 
 const TABLE: &str = "surface,location,repeat,fRS,hardness,friction\n\
@@ -62,9 +58,7 @@ fn a_reading_outside_of_its_range_is_refused_or_clamped_to_it() {
     let message = "tactile.csv, line 3: friction of `b` is 2.5, outside 0 to 2, the range that the \
                    dataset declares";
     assert_eq!(made.refusal(), message);
-    let mut settings = ReadSettings::default();
-    settings.tactile.out_of_range = RangePolicy::Clamp;
-    let clamped = DatasetFolder::open(made.path(), &settings).unwrap();
+    let clamped = made.open_with(RangePolicy::Clamp).unwrap();
     let readings = &clamped.tactile().readings;
     assert_eq!(readings[1].values, [None, Some(2.0), Some(100.0)]);
     // Without a range there is nothing to clamp to.
@@ -73,24 +67,20 @@ fn a_reading_outside_of_its_range_is_refused_or_clamped_to_it() {
 
 #[test]
 fn what_is_said_of_properties_is_said_once_and_of_those_listed() {
-    let refusal = |more: &str| own(&format!("{OWN}{more}"), TABLE).refusal();
-    for (more, parts) in [
-        (
-            "[property.frition]\nunit = \"1\"\n",
-            &["`frition` (did you mean `friction`?)"][..],
-        ),
-        (
-            "[ranges]\nfriction = [0.0, 1.0]\n",
-            &["the range of `friction`"],
-        ),
-        (
-            "[property.fRS]\nname = \"a\\u001bb\"\n",
-            &["`property.fRS`", "one line"],
-        ),
-        ("[property.fRS]\nunits = \"1\"\n", &["did you mean `unit`?"]),
-    ] {
-        let message = refusal(more);
-        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    let refused = r#"
+        [property.frition]\nunit = "1"
+            `frition` (did you mean `friction`?)
+        [ranges]\nfriction = [0.0, 1.0]
+            the range of `friction`
+        [property.fRS]\nname = "a\u001bb"
+            `property.fRS`; one line
+        [property.fRS]\nunits = "1"
+            did you mean `unit`?
+    "#;
+    for (more, parts) in cases(refused) {
+        let message = own(&format!("{OWN}{more}\n"), TABLE).refusal();
+        let mut parts = parts.split("; ");
+        assert!(parts.all(|part| message.contains(part)), "{message}");
     }
 }
 

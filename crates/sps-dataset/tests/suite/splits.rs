@@ -26,9 +26,8 @@ fn of_groups(groups: &[usize]) -> Vec<Surface> {
 /// So many of each group.
 fn sized(sizes: &[usize]) -> Vec<usize> {
     let groups = sizes.iter().enumerate();
-    groups
-        .flat_map(|(group, &size)| vec![group; size])
-        .collect()
+    let groups = groups.flat_map(|(group, &size)| vec![group; size]);
+    groups.collect()
 }
 
 fn random(validation: f64, by: Option<Unit>) -> SplitPlan {

@@ -3,10 +3,6 @@
 use crate::made::{Made, cases};
 use sps_dataset::{Reading, Source};
 
-fn long(table: &str) -> Made {
-    Made::new("", "tactile.csv", table)
-}
-
 fn readings(made: &Made) -> Vec<(usize, u32, u32, Vec<Option<f64>>)> {
     let dataset = made.open().unwrap();
     let readings = dataset.tactile().readings.iter();
@@ -16,7 +12,7 @@ fn readings(made: &Made) -> Vec<(usize, u32, u32, Vec<Option<f64>>)> {
 
 #[test]
 fn long_csv_columns_in_any_order_with_missing_cells() {
-    let made = long(
+    let made = Made::long(
         "\u{feff}cDF,surface , repeat,location,fRS\r\n1.5,b,0,2, 7\r\n,a,1,0,-3e0\r\n\r\nNaN,a,0,0,+.5\r\n",
     );
     let expected = vec![
@@ -58,7 +54,7 @@ fn long_csv_errors_name_line_found_and_expected() {
     for (row, expected) in cases(of_rows) {
         let table = format!("surface,location,repeat,fRS,cDF\na,0,0,1,2\n{row}\n");
         let expected = format!("tactile.csv, line {expected}");
-        assert_eq!(long(&table).refusal(), expected);
+        assert_eq!(Made::long(&table).refusal(), expected);
     }
     let of_headers = "
         surface,location,repeat,fRS,cDf
@@ -73,10 +69,13 @@ fn long_csv_errors_name_line_found_and_expected() {
             , line 1: the header: found `surface;location;repeat;fRS`, expected a column `surface`
     ";
     for (header, expected) in cases(of_headers) {
-        assert_eq!(long(&header).refusal(), format!("tactile.csv{expected}"));
+        assert_eq!(
+            Made::long(&header).refusal(),
+            format!("tactile.csv{expected}")
+        );
     }
     let nothing = "tactile.csv, line 1: the header: found nothing, expected a column `surface`";
-    assert_eq!(long("").refusal(), nothing);
+    assert_eq!(Made::long("").refusal(), nothing);
     let binary = b"surface,location,repeat,fRS,cDF\na,0,0,\xff,1\n";
     let expected = "tactile.csv, line 2: is not valid CSV: it has bytes that are not UTF-8 text";
     let made = Made::new("", "tactile.csv", binary);
@@ -150,11 +149,8 @@ fn statistics_are_no_surfaces_and_restore_only_when_told() {
     let gap = "tactile.csv, line 2: the file's own statistics: found a missing";
     assert!(refusal("mean,40,\nstd,1,1\n").starts_with(gap));
     let one_name = format!("{restore}\nstatistics.mean = \"m\"\nstatistics.std = \"m\"");
-    let one_name = Made::new(
-        &one_name,
-        "tactile.csv",
-        "surface,fRS,cDF\na,-1,2\nm,40,30\n",
-    );
+    let table = "surface,fRS,cDF\na,-1,2\nm,40,30\n";
+    let one_name = Made::new(&one_name, "tactile.csv", table);
     let expected =
         "tactile.csv: the file's own statistics: found `m` as mean and std, expected two names";
     assert_eq!(one_name.refusal(), expected);

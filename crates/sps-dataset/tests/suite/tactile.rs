@@ -1,35 +1,21 @@
 //! What is made of tactile readings: values out of range, averages and their spread.
 
-use crate::made::Made;
+use crate::made::{Made, property};
 use proptest::prelude::*;
 use sps_dataset::{
-    Average, DatasetError, DatasetFolder, OutOfRange, Property, PropertyRange, RangePolicy,
-    ReadSettings, Reading, Source, TactileSettings, TactileTable,
+    Average, DatasetFolder, OutOfRange, PropertyRange, RangePolicy, Reading, Source,
+    TactileSettings, TactileTable,
 };
 
 const FRS: &str = "fRS";
 const CDF: &str = "cDF";
 
-fn property(code: &str) -> Property {
-    code.parse().unwrap()
-}
-
-fn long(table: &str) -> Made {
-    Made::new("", "tactile.csv", table)
-}
-
 const RANGED: &str =
     "surface,location,repeat,fRS,cDF\na,0,0,-0.5,100\nb,0,0,100.25,0\nc,0,0,,250\n";
 
-fn with_policy(made: &Made, policy: RangePolicy) -> Result<DatasetFolder, DatasetError> {
-    let mut settings = ReadSettings::default();
-    settings.tactile.out_of_range = policy;
-    DatasetFolder::open(made.path(), &settings)
-}
-
 #[test]
 fn values_out_of_range_are_kept_clamped_or_rejected_and_always_counted() {
-    let made = long(RANGED);
+    let made = Made::long(RANGED);
     let counts = [
         (property(FRS), OutOfRange { below: 1, above: 1 }),
         (property(CDF), OutOfRange { below: 0, above: 1 }),
@@ -38,14 +24,14 @@ fn values_out_of_range_are_kept_clamped_or_rejected_and_always_counted() {
         let readings = dataset.tactile().readings.iter();
         readings.map(|reading| reading.values[column]).collect()
     };
-    let kept = with_policy(&made, RangePolicy::Keep).unwrap();
+    let kept = made.open_with(RangePolicy::Keep).unwrap();
     assert_eq!(kept.out_of_range(), counts);
     assert_eq!(column(&kept, 0), [Some(-0.5), Some(100.25), None]);
-    let clamped = with_policy(&made, RangePolicy::Clamp).unwrap();
+    let clamped = made.open_with(RangePolicy::Clamp).unwrap();
     assert_eq!(clamped.out_of_range(), counts);
     assert_eq!(column(&clamped, 0), [Some(0.0), Some(100.0), None]);
     assert_eq!(column(&clamped, 1), [Some(100.0), Some(0.0), Some(100.0)]);
-    let rejected = with_policy(&made, RangePolicy::Reject).unwrap_err();
+    let rejected = made.open_with(RangePolicy::Reject).unwrap_err();
     let expected = "line 2: fRS of `a` is -0.5, outside 0 to 100, and is to be rejected";
     assert!(rejected.to_string().ends_with(expected), "{rejected}");
 }
@@ -65,7 +51,7 @@ fn declared_ranges_hold_every_reading_ends_included() {
     };
     assert_eq!(range(&dataset, FRS), Some([0.0, 100.0]));
     assert_eq!(range(&dataset, CDF), Some([f64::NEG_INFINITY, 0.0]));
-    assert_eq!(range(&long(table).open().unwrap(), FRS), None);
+    assert_eq!(range(&Made::long(table).open().unwrap(), FRS), None);
 
     let refusal = ranged("fRS = [0, 99.5]", table).refusal();
     let expected = "tactile.csv, line 3: fRS of `b` is 100, outside 0 to 99.5, the range that the \
@@ -76,11 +62,10 @@ fn declared_ranges_hold_every_reading_ends_included() {
 #[test]
 fn what_was_clamped_is_held_to_the_range_as_it_is_then() {
     let made = ranged("fRS = [0.0, 100.0]", RANGED);
-    let clamped = with_policy(&made, RangePolicy::Clamp).unwrap();
+    let clamped = made.open_with(RangePolicy::Clamp).unwrap();
     assert_eq!(clamped.out_of_range()[0].1.below, 1);
-    let message = with_policy(&made, RangePolicy::Keep)
-        .unwrap_err()
-        .to_string();
+    let kept = made.open_with(RangePolicy::Keep);
+    let message = kept.unwrap_err().to_string();
     assert!(message.contains("line 2: fRS of `a` is -0.5"), "{message}");
 }
 
@@ -108,7 +93,7 @@ fn ranges_that_are_none_are_refused() {
 
 #[test]
 fn repeats_and_locations_average_separately_and_keep_their_spread() {
-    let made = long(
+    let made = Made::long(
         "surface,location,repeat,fRS,cDF\n\
          a,0,0,1,\na,0,1,2,\na,0,2,9,\na,1,0,10,\na,1,1,14,\nb,3,0,5,7\nb,3,1,,8\n",
     );
@@ -156,9 +141,8 @@ fn touches() -> impl Strategy<Value = Vec<(u32, u32, Option<f64>)>> {
     let touch = (0_u32..4, prop::option::weighted(0.9, -50.0..150.0_f64));
     prop::collection::vec(touch, 1..40).prop_map(|touches| {
         let numbered = (0..).zip(touches);
-        numbered
-            .map(|(at, (location, value))| (location, at, value))
-            .collect()
+        let touches = numbered.map(|(at, (location, value))| (location, at, value));
+        touches.collect()
     })
 }
 

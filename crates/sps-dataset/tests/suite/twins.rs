@@ -25,7 +25,7 @@ type Row<'a> = (&'a str, &'a str, Option<(usize, usize)>);
 
 /// A dataset of one view of 256 x 256 pixels.
 fn made(surfaces: &[Row]) -> Made {
-    let made = Made::new("", "tactile.csv", "surface,location,repeat,fRS,cDF\n");
+    let made = Made::long("surface,location,repeat,fRS,cDF\n");
     let row = |(id, group, _): &Row| format!("{id},cloth,{group}\n");
     let rows: String = surfaces.iter().map(row).collect();
     made.write("surfaces.csv", format!("surface,material,group\n{rows}"));

@@ -2,6 +2,33 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// A frame that cannot be had, or a dataset that cannot be written: which file or folder, and why.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {kind}", path.display())]
+pub struct FileError<K> {
+    path: PathBuf,
+    kind: K,
+}
+
+impl<K> FileError<K> {
+    pub(crate) fn new(path: &Path, kind: K) -> Self {
+        Self {
+            path: path.to_owned(),
+            kind,
+        }
+    }
+
+    /// The file or folder; of a frame that is not there, the folder that should have had it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Why.
+    pub fn kind(&self) -> &K {
+        &self.kind
+    }
+}
+
 /// A dataset, or a table of one, that cannot be read: which file, where in it, and why.
 ///
 /// Frames have their own [`FrameError`](crate::FrameError).
@@ -41,7 +68,7 @@ pub(crate) enum Place {
     Key(String),
 }
 
-/// What is wrong in a file; whoever opened it adds its name.
+/// What is wrong in a file, and where in it; whoever opened the file adds its name.
 pub(crate) struct Fault {
     place: Place,
     kind: DatasetErrorKind,
@@ -75,19 +102,24 @@ impl Fault {
             kind: self.kind,
         }
     }
-}
 
-impl DatasetErrorKind {
-    pub(crate) fn at(self, place: Place) -> Fault {
-        Fault { place, kind: self }
+    pub(crate) fn at(self, place: Place) -> Self {
+        Self { place, ..self }
     }
 
-    pub(crate) fn at_key(self, key: &str) -> Fault {
+    pub(crate) fn at_key(self, key: &str) -> Self {
         self.at(Place::Key(key.to_owned()))
     }
 
+    pub(crate) fn invalid(text: String) -> Self {
+        Self {
+            place: Place::File,
+            kind: DatasetErrorKind::Invalid(text),
+        }
+    }
+
     pub(crate) fn malformed(format: &str, reason: impl fmt::Display) -> Self {
-        Self::Invalid(format!("is not valid {format}: {reason}"))
+        Self::invalid(format!("is not valid {format}: {reason}"))
     }
 
     pub(crate) fn unexpected(
@@ -95,37 +127,34 @@ impl DatasetErrorKind {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Invalid(format!("{what}: found {found}, expected {expected}"))
+        Self::invalid(format!("{what}: found {found}, expected {expected}"))
     }
 
     /// A text where a number belongs.
     pub(crate) fn not_a_number(column: &str, found: impl fmt::Display, expected: &str) -> Self {
         let found = format!("found `{found}` in column `{column}`");
-        Self::Invalid(format!("{found}, expected {expected}"))
+        Self::invalid(format!("{found}, expected {expected}"))
     }
 
     pub(crate) fn twice(surface: &str, first: &Place) -> Self {
         let twice = format!("surface `{surface}` is listed twice");
-        Self::Invalid(format!("{twice}, first at {first}"))
+        Self::invalid(format!("{twice}, first at {first}"))
     }
 
     /// A table whose columns carry no names, and no order was given for them.
     pub(crate) fn no_property_order() -> Self {
         let text = "the order of its properties is not given: the file does not name its columns, so \
                     `property-order` must list the tactile property of each, in order";
-        Self::Invalid(text.to_owned())
+        Self::invalid(text.to_owned())
     }
 }
 
-impl From<io::Error> for DatasetErrorKind {
+impl From<io::Error> for Fault {
     fn from(error: io::Error) -> Self {
-        Self::Io(error)
-    }
-}
-
-impl From<DatasetErrorKind> for Fault {
-    fn from(kind: DatasetErrorKind) -> Self {
-        kind.at(Place::File)
+        Self {
+            place: Place::File,
+            kind: DatasetErrorKind::Io(error),
+        }
     }
 }
 

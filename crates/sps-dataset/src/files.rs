@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use crate::DatasetError;
 use crate::error::{Fault, Place};
-use crate::{DatasetError, DatasetErrorKind};
 
 /// The bytes of a file of at most `limit` bytes. `too_large` makes the error from the size that was
 /// found.
@@ -33,13 +33,16 @@ pub(crate) fn read_bytes<E: From<io::Error>>(
     Ok(bytes)
 }
 
-/// The bytes of a file of a dataset that is no frame.
-pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, DatasetError> {
-    let too_large = |bytes| {
-        let text = format!("has {bytes} bytes, more than the limit of {limit}");
-        DatasetErrorKind::Invalid(text)
-    };
-    read_bytes(path, limit, too_large).map_err(|kind| Fault::from(kind).of_file(path))
+/// What `read` makes of the bytes of a file of a dataset that is no frame.
+pub(crate) fn read_file<T>(
+    path: &Path,
+    limit: u64,
+    read: impl FnOnce(&[u8]) -> Result<T, Fault>,
+) -> Result<T, DatasetError> {
+    let says = |bytes| format!("has {bytes} bytes, more than the limit of {limit}");
+    let bytes = read_bytes(path, limit, |bytes| Fault::invalid(says(bytes)));
+    let read = bytes.and_then(|bytes| read(&bytes));
+    read.map_err(|fault| fault.of_file(path))
 }
 
 /// The text of a UTF-8 file, without the mark that spreadsheets put before it.
@@ -48,8 +51,18 @@ pub(crate) fn text<'a>(format: &str, bytes: &'a [u8]) -> Result<&'a str, Fault> 
     std::str::from_utf8(bytes).map_err(|error| {
         let reason = "it has bytes that are not UTF-8 text";
         let line = line_of(bytes, error.valid_up_to());
-        DatasetErrorKind::malformed(format, reason).at(line)
+        Fault::malformed(format, reason).at(line)
     })
+}
+
+/// The integer of at most eight bytes.
+pub(crate) fn integer(bytes: &[u8], is_big_endian: bool) -> u64 {
+    let add = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
+    if is_big_endian {
+        bytes.iter().fold(0, add)
+    } else {
+        bytes.iter().rev().fold(0, add)
+    }
 }
 
 /// The line that a byte is in.

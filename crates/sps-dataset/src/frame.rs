@@ -124,8 +124,6 @@ pub(crate) fn check_values(extent: Extent, data: &[f32]) -> Result<(), String> {
     if values > 0 && pixels.and_then(|pixels| pixels.checked_mul(3)) == Some(values) {
         return Ok(());
     }
-    let expected = "expected three for each";
-    Err(format!(
-        "has {values} values for {width} x {height} pixels, {expected}"
-    ))
+    let found = format!("{values} values for {width} x {height} pixels");
+    Err(format!("has {found}, expected three for each"))
 }

@@ -94,14 +94,11 @@ impl DatasetFolder {
     /// Summarises everything but the frames.
     pub fn inspect(&self, settings: &TactileSettings) -> Inspection {
         let surfaces = self.surfaces();
-        let mut materials: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut materials: BTreeMap<String, usize> = BTreeMap::new();
         for surface in surfaces {
-            *materials.entry(&surface.material).or_default() += 1;
+            *materials.entry(surface.material.clone()).or_default() += 1;
         }
-        let materials = materials.into_iter();
-        let mut materials: Vec<(String, usize)> = materials
-            .map(|(name, count)| (name.to_owned(), count))
-            .collect();
+        let mut materials = Vec::from_iter(materials);
         materials.sort_by_key(|&(_, count)| Reverse(count));
         let groups: BTreeSet<&str> = surfaces.iter().map(|s| s.group.as_str()).collect();
         let readings = &self.tactile().readings;
@@ -158,14 +155,12 @@ impl DatasetFolder {
             let (surface, view) = (frame / views, frame % views);
             let decoded = self.decode(surface, view);
             progress();
-            match decoded {
-                Ok(Decoded { frame, light }) => Ok((frame.extent(), light)),
-                Err(error) => Err(BrokenFrame {
-                    surface: self.surfaces()[surface].id.clone(),
-                    view,
-                    error: error.to_string(),
-                }),
-            }
+            let decoded = decoded.map(|Decoded { frame, light }| (frame.extent(), light));
+            decoded.map_err(|error| BrokenFrame {
+                surface: self.surfaces()[surface].id.clone(),
+                view,
+                error: error.to_string(),
+            })
         };
         let checked: Vec<_> = (0..expected).into_par_iter().map(check).collect();
         let mut summary = FrameSummary {

@@ -20,7 +20,7 @@ mod tactile;
 mod toml_text;
 mod units;
 
-pub use error::{DatasetError, DatasetErrorKind, InvalidValue};
+pub use error::{DatasetError, DatasetErrorKind, FileError, InvalidValue};
 pub use folder::{
     DatasetFolder, InvalidSurfaceId, Manifest, NearTwins, ViewAngles, WriteError, WriteErrorKind,
     WriteOptions, Written, check_surface_id, write_dataset,

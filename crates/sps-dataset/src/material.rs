@@ -26,13 +26,10 @@ impl MaterialLabels {
         }
         counts.retain(|name, count| *count >= fewest && !["", OTHER].contains(name));
         let mut names: Vec<String> = counts.keys().map(|&name| name.to_owned()).collect();
-        let label = |surface: &Surface| {
-            names
-                .binary_search(&surface.material)
-                .unwrap_or(names.len())
-        };
+        let other = names.len();
+        let label = |surface: &Surface| names.binary_search(&surface.material).unwrap_or(other);
         let labels: Vec<usize> = surfaces.iter().map(label).collect();
-        if labels.contains(&names.len()) {
+        if labels.contains(&other) {
             names.push(OTHER.to_owned());
         }
         Self { names, labels }
@@ -54,17 +51,14 @@ mod tests {
     use super::*;
 
     fn surfaces(materials: &[(&str, usize)]) -> Vec<Surface> {
-        let repeated = materials
-            .iter()
-            .flat_map(|&(name, count)| vec![name; count]);
-        repeated
-            .enumerate()
-            .map(|(i, material)| Surface {
-                id: i.to_string(),
-                material: material.to_owned(),
-                group: i.to_string(),
-            })
-            .collect()
+        let repeated = materials.iter();
+        let repeated = repeated.flat_map(|&(name, count)| vec![name; count]);
+        let surfaces = repeated.enumerate().map(|(i, material)| Surface {
+            id: i.to_string(),
+            material: material.to_owned(),
+            group: i.to_string(),
+        });
+        surfaces.collect()
     }
 
     #[test]
@@ -79,10 +73,8 @@ mod tests {
     #[test]
     fn no_other_where_every_material_is_common() {
         let labels = MaterialLabels::of(&surfaces(&[("wood", 6)]), FEWEST_PER_MATERIAL);
-        assert_eq!(
-            (labels.names().len(), labels.labels()),
-            (1, [0; 6].as_slice())
-        );
+        assert_eq!(labels.names().len(), 1);
+        assert_eq!(labels.labels(), [0; 6]);
         assert_eq!(MaterialLabels::of(&[], 6).names(), [""; 0]);
     }
 }

@@ -55,9 +55,8 @@ pub(crate) fn unit_vectors(patterns: Vec<Option<Pattern>>) -> Vec<Option<Vec<f64
     let total = |of: &dyn Fn(&Pattern) -> f64| found.iter().map(|pattern| of(pattern)).sum::<f64>();
     let means: Pattern = (0..BANDS).map(|band| total(&|p| p[band]) / count).collect();
     let product = |a: usize, b: usize| total(&|p| (p[a] - means[a]) * (p[b] - means[b]));
-    let mut factor: Vec<Vec<f64>> = (0..BANDS)
-        .map(|a| (0..=a).map(|b| product(a, b)).collect())
-        .collect();
+    let row = |a: usize| (0..=a).map(|b| product(a, b)).collect();
+    let mut factor: Vec<Vec<f64>> = (0..BANDS).map(row).collect();
     let variances = (0..BANDS).map(|band| factor[band][band] / count);
     let shrunk_to = variances.sum::<f64>();
     for (band, row) in factor.iter_mut().enumerate() {
@@ -110,12 +109,11 @@ impl Grey {
     fn of(frame: &Frame) -> Self {
         let weights = [0.2126, 0.7152, 0.0722];
         let pixels = frame.data.as_chunks::<3>().0.iter();
+        let luma = pixels.map(|rgb| dot(&weights, &rgb.map(f64::from)));
         Self {
             width: frame.width,
             height: frame.height,
-            values: pixels
-                .map(|rgb| dot(&weights, &rgb.map(f64::from)))
-                .collect(),
+            values: luma.collect(),
         }
     }
 

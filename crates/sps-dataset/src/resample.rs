@@ -22,10 +22,8 @@ pub(crate) fn resample(from: Extent, to: Extent, read: impl Fn(usize, &mut [f32]
         .zip(rows.par_chunks(ROWS_TOGETHER))
         .for_each(|(data, rows)| {
             let sums = sum_rows(3 * from.width, rows, &read);
-            for (sums, row) in sums
-                .chunks_exact(3 * from.width)
-                .zip(data.chunks_exact_mut(3 * to.width))
-            {
+            let sums = sums.chunks_exact(3 * from.width);
+            for (sums, row) in sums.zip(data.chunks_exact_mut(3 * to.width)) {
                 sum_columns(sums.as_chunks().0, &columns, row.as_chunks_mut().0);
             }
         });
@@ -163,10 +161,8 @@ mod tests {
         let mut frame = frame(4, 3, 0);
         frame.data.pop();
         let message = frame.resized(2).unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "has 35 values for 4 x 3 pixels, expected three for each"
-        );
+        let expected = "has 35 values for 4 x 3 pixels, expected three for each";
+        assert_eq!(message, expected);
         frame.data.clear();
         frame.height = 0;
         assert!(frame.resized(2).is_err());

@@ -54,10 +54,8 @@ mod tests {
         }
         assert_eq!(counts.len(), 24);
         let expected = draws as f64 / 24.0;
-        let chi2: f64 = counts
-            .values()
-            .map(|n: &f64| (n - expected).powi(2) / expected)
-            .sum();
+        let squares = counts.values().map(|n: &f64| (n - expected).powi(2));
+        let chi2 = squares.sum::<f64>() / expected;
         assert!(chi2 < 60.0, "{chi2}");
     }
 }

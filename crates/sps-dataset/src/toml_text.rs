@@ -3,9 +3,9 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use sps_base::names::UnknownName;
 
-use crate::error::Place;
+use crate::DatasetError;
+use crate::error::{Fault, Place};
 use crate::files::line_of;
-use crate::{DatasetError, DatasetErrorKind};
 
 /// Reads a TOML text into `T`; an error names the line and, for an unknown key, the nearest valid
 /// one.
@@ -37,10 +37,10 @@ pub fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Dat
         let span = error.span();
         let place = span.map_or(Place::File, |span| line_of(text.as_bytes(), span.start));
         let message = error.message();
-        let kind = match UnknownName::of_serde(message) {
-            Some(unknown) => DatasetErrorKind::Invalid(unknown.to_string()),
-            None => DatasetErrorKind::malformed("TOML", message.trim_end()),
+        let fault = match UnknownName::of_serde(message) {
+            Some(unknown) => Fault::invalid(unknown.to_string()),
+            None => Fault::malformed("TOML", message.trim_end()),
         };
-        kind.at(place).of_file(path)
+        fault.at(place).of_file(path)
     })
 }

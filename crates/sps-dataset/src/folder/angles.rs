@@ -2,15 +2,16 @@ use std::fmt;
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::{InvalidValue, RollAngle};
 
 /// More views than any sequence has; a range must not be able to ask for all memory.
 const MOST_VIEWS: usize = 1_000_000;
 
-/// The roll angle of each view in degrees: a list, or an evenly spaced range with both ends.
-#[derive(Clone, Debug, PartialEq)]
+/// The roll angle of each view in degrees: a list, or an evenly spaced range with both ends; a list
+/// again where it is written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewAngles(Vec<RollAngle>);
 
 #[derive(Deserialize)]
@@ -59,13 +60,6 @@ impl ViewAngles {
 
 fn invalid(text: &str) -> Result<ViewAngles, InvalidValue> {
     Err(InvalidValue(text.to_owned()))
-}
-
-/// A list of degrees.
-impl Serialize for ViewAngles {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.iter().map(|angle| angle.0))
-    }
 }
 
 /// From a list of degrees or from `{ from, to, count }`.

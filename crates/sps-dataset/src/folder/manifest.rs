@@ -6,8 +6,8 @@ use sps_base::names::nearest;
 
 use crate::error::Fault;
 use crate::{
-    DatasetError, DatasetErrorKind, Description, Origin, Property, PropertyOrder, PropertyRange,
-    TableFormat, ViewAngles, parse_toml,
+    DatasetError, Description, Origin, Property, PropertyOrder, PropertyRange, TableFormat,
+    ViewAngles, parse_toml,
 };
 
 /// What `dataset.toml` says: the dataset's name, its views and how its tactile table is laid out.
@@ -69,8 +69,8 @@ impl Manifest {
     /// property that is not listed.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DatasetError> {
         let manifest: Self = parse_toml(path, text)?;
-        let checked = manifest.check().map_err(DatasetErrorKind::Invalid);
-        checked.map_err(|kind| Fault::from(kind).of_file(path))?;
+        let checked = manifest.check();
+        checked.map_err(|text| Fault::invalid(text).of_file(path))?;
         Ok(manifest)
     }
 

@@ -14,9 +14,9 @@ use crate::files::{read_file, text};
 use crate::image::{PHOTOGRAPH_ENDINGS, read_frame_file};
 use crate::table::read_table;
 use crate::{
-    DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Description, Frame, FrameError,
-    FrameErrorKind, FrameKey, Origin, OutOfRange, Property, ReadSettings, RollAngle, Source,
-    SourceError, Surface, TactileTable, read_image, read_image_resized,
+    DatasetError, DecodeSettings, Decoded, Description, Frame, FrameError, FrameErrorKind,
+    FrameKey, Origin, OutOfRange, Property, ReadSettings, RollAngle, Source, SourceError, Surface,
+    TactileTable, read_image, read_image_resized,
 };
 
 pub use angles::ViewAngles;
@@ -55,27 +55,20 @@ impl DatasetFolder {
         let limit = settings.table_bytes;
         let path = folder.join("dataset.toml");
         let in_folder = |fault: Fault| fault.of_file(folder);
-        let lacks = |what| {
-            let kind = DatasetErrorKind::Invalid(format!("not a dataset: {what}"));
-            Err(in_folder(kind.into()))
-        };
+        let lacks = |what| Err(in_folder(Fault::invalid(format!("not a dataset: {what}"))));
         if !folder.is_dir() {
             return lacks("there is no such folder");
         }
         if !path.exists() {
             return lacks("it has no `dataset.toml`");
         }
-        let bytes = read_file(&path, limit)?;
-        let text = text("TOML", &bytes).map_err(|fault| fault.of_file(&path))?;
-        let manifest = Manifest::parse(&path, text)?;
-
-        let path = folder.join("surfaces.csv");
-        let surfaces = read_surfaces(&read_file(&path, limit)?);
-        let surfaces = surfaces.map_err(|fault| fault.of_file(&path))?;
+        let text = read_file(&path, limit, |bytes| Ok(text("TOML", bytes)?.to_owned()))?;
+        let manifest = Manifest::parse(&path, &text)?;
+        let surfaces = read_file(&folder.join("surfaces.csv"), limit, read_surfaces)?;
         let format = settings.table.as_ref().unwrap_or(&manifest.tactile);
         check_table(format.file()).map_err(in_folder)?;
-        let policy = settings.tactile.out_of_range;
-        let read = read_table(folder, format, &surfaces, &manifest, policy, limit)?;
+        let table = |bytes: &[u8]| read_table(bytes, format, &surfaces, &manifest, settings);
+        let read = read_file(&folder.join(format.file()), limit, table)?;
         let images = settings.images.clone();
         Ok(Self {
             folder: folder.to_owned(),

@@ -1,8 +1,8 @@
 use std::collections::HashMap;
 
+use crate::Surface;
 use crate::error::Fault;
 use crate::table::csv_lines;
-use crate::{DatasetErrorKind, Surface};
 
 /// The columns of `surfaces.csv`, in this order.
 pub(super) const HEADER: [&str; 3] = ["surface", "material", "group"];
@@ -22,11 +22,10 @@ pub(super) fn read_surfaces(bytes: &[u8]) -> Result<Vec<Surface>, Fault> {
         line.check_cells(HEADER.len())?;
         let [id, material, group] = [0, 1, 2].map(|column| line.cell(column).to_owned());
         check_surface_id(&id).map_err(|InvalidSurfaceId { found, expected }| {
-            let kind = DatasetErrorKind::unexpected("a surface's id", found, expected);
-            kind.at(line.place())
+            Fault::unexpected("a surface's id", found, expected).at(line.place())
         })?;
         if let Some(first) = first_seen.insert(id.clone(), line.place()) {
-            return Err(DatasetErrorKind::twice(&id, &first).at(line.place()));
+            return Err(Fault::twice(&id, &first).at(line.place()));
         }
         surfaces.push(Surface {
             id,
@@ -35,8 +34,11 @@ pub(super) fn read_surfaces(bytes: &[u8]) -> Result<Vec<Surface>, Fault> {
         });
     }
     if surfaces.is_empty() {
-        let expected = "at least one surface";
-        return Err(DatasetErrorKind::unexpected("its rows", "none", expected).into());
+        return Err(Fault::unexpected(
+            "its rows",
+            "none",
+            "at least one surface",
+        ));
     }
     Ok(surfaces)
 }
@@ -50,7 +52,7 @@ pub(super) fn check_table(file: &str) -> Result<(), Fault> {
         let expected = format!("a path below the dataset's folder, each part {expected}");
         let found = format!("`{}`", file.escape_debug());
         let what = "the `file` of the tactile table";
-        DatasetErrorKind::unexpected(what, found, expected).into()
+        Fault::unexpected(what, found, expected)
     })
 }
 

@@ -1,21 +1,21 @@
-use std::io;
+use std::{io, iter};
 
 use super::surfaces::HEADER;
-use crate::{Source, Surface};
+use crate::property::RESERVED;
+use crate::{Property, Source, Surface};
 
 /// `surfaces.csv` of a dataset.
 pub(super) fn surfaces_csv(surfaces: &[Surface]) -> io::Result<Vec<u8>> {
-    let row =
-        |surface: &Surface| [&surface.id, &surface.material, &surface.group].map(Clone::clone);
-    let header = HEADER.map(str::to_owned);
-    csv([header].into_iter().chain(surfaces.iter().map(row)))
+    let rows = surfaces.iter();
+    let rows = rows.map(|surface| [&*surface.id, &surface.material, &surface.group]);
+    csv(iter::once(HEADER).chain(rows))
 }
 
 /// `tactile.csv` of a dataset, in the long form. Numbers read back as they were.
 pub(super) fn tactile_csv(source: &dyn Source) -> io::Result<Vec<u8>> {
     let table = source.tactile();
-    let header = ["surface", "location", "repeat"].map(str::to_owned);
-    let codes = table.properties.iter().map(ToString::to_string);
+    let codes = table.properties.iter().map(Property::code);
+    let header = RESERVED.into_iter().chain(codes).map(str::to_owned);
     let rows = table.readings.iter().map(|reading| {
         let surface = source.surfaces().get(reading.surface);
         let id = surface.map_or("", |surface| &surface.id).to_owned();
@@ -24,16 +24,13 @@ pub(super) fn tactile_csv(source: &dyn Source) -> io::Result<Vec<u8>> {
         row.extend(reading.values.iter().map(number));
         row
     });
-    csv([header.into_iter().chain(codes).collect()]
-        .into_iter()
-        .chain(rows))
+    csv(iter::once(header.collect()).chain(rows))
 }
 
-fn csv(rows: impl Iterator<Item: AsRef<[String]>>) -> io::Result<Vec<u8>> {
+fn csv(rows: impl Iterator<Item: IntoIterator<Item: AsRef<[u8]>>>) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {
-        writer.write_record(row.as_ref())?;
+        writer.write_record(row)?;
     }
-    let written = writer.into_inner();
-    written.map_err(|error| io::Error::other(error.to_string()))
+    writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }

@@ -72,45 +72,26 @@ fn join(surfaces: &mut [Surface], views: &[Vec<Option<Vec<f64>>>], likeness: f64
     });
     let twins: Vec<(usize, usize)> = twins.collect();
 
-    let mut first_of = Roots((0..surfaces.len()).collect());
     let mut seen: HashMap<&str, usize> = HashMap::new();
-    for (at, surface) in surfaces.iter().enumerate() {
-        let first = *seen.entry(&surface.group).or_insert(at);
-        first_of.join(first, at);
-    }
+    let groups = surfaces.iter().map(|surface| surface.group.as_str());
+    let first = |(at, group)| *seen.entry(group).or_insert(at);
+    // The first surface of each one's group.
+    let mut firsts: Vec<usize> = groups.enumerate().map(first).collect();
     for (a, b) in twins {
-        first_of.join(a, b);
+        let [kept, joined] = [firsts[a].min(firsts[b]), firsts[a].max(firsts[b])];
+        if kept < joined {
+            let moved = firsts.iter_mut().filter(|first| **first == joined);
+            moved.for_each(|first| *first = kept);
+        }
     }
     let mut sizes = vec![0_usize; surfaces.len()];
-    let names: Vec<String> = (0..surfaces.len())
-        .map(|at| {
-            let first = first_of.root(at);
-            sizes[first] += 1;
-            surfaces[first].group.clone()
-        })
-        .collect();
-    for (surface, name) in surfaces.iter_mut().zip(names) {
-        surface.group = name;
+    for (at, first) in firsts.into_iter().enumerate() {
+        sizes[first] += 1;
+        let name = surfaces[first].group.clone();
+        surfaces[at].group = name;
     }
     NearTwins {
         groups: sizes.iter().filter(|&&size| size > 0).count(),
         largest: sizes.into_iter().max().unwrap_or(0),
-    }
-}
-
-/// Disjoint sets, each known by its least member.
-struct Roots(Vec<usize>);
-
-impl Roots {
-    fn root(&self, mut at: usize) -> usize {
-        while self.0[at] != at {
-            at = self.0[at];
-        }
-        at
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b);
     }
 }

@@ -1,5 +1,4 @@
-use std::collections::{BTreeMap, HashSet};
-use std::fmt::Display;
+use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -9,11 +8,13 @@ use std::time::Duration;
 use rayon::prelude::*;
 use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
-use super::surfaces::{InvalidSurfaceId, check_surface_id};
+use super::surfaces::read_surfaces;
 use super::tables::{surfaces_csv, tactile_csv};
+use crate::error::Fault;
+use crate::table::read_table;
 use crate::{
-    Description, EncodeError, FrameFormat, Manifest, PropertyOrder, Source, SourceError,
-    TableFormat, ViewAngles,
+    Description, FileError, FrameFormat, Manifest, PropertyOrder, ReadSettings, Source,
+    SourceError, TableFormat, ViewAngles,
 };
 
 /// Holds what is being written, and is locked while it is.
@@ -40,12 +41,7 @@ pub struct Written {
 }
 
 /// A dataset that cannot be written: at which path, and why.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {kind}", path.display())]
-pub struct WriteError {
-    path: PathBuf,
-    kind: WriteErrorKind,
-}
+pub type WriteError = FileError<WriteErrorKind>;
 
 /// Why a dataset cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +49,7 @@ pub struct WriteError {
 pub enum WriteErrorKind {
     /// No space is left. What was finished stays; the same call goes on from there.
     #[error("no space is left to write it; the surfaces finished so far stay")]
-    StorageFull,
+    StorageFull(io::Error),
     /// The file or folder cannot be written.
     #[error("cannot be written: {0}")]
     Io(io::Error),
@@ -66,7 +62,7 @@ pub enum WriteErrorKind {
     /// The source has something that the format cannot hold.
     #[error("{0}")]
     Unsuitable(String),
-    /// The source could not give a frame.
+    /// The source could not give a frame, or gave one that cannot be encoded.
     #[error("view {view} of surface `{surface}` cannot be had: {error}")]
     Frame {
         /// The surface.
@@ -78,29 +74,10 @@ pub enum WriteErrorKind {
     },
 }
 
-impl WriteError {
-    fn new(path: &Path, kind: WriteErrorKind) -> Self {
-        Self {
-            path: path.to_owned(),
-            kind,
-        }
-    }
-
-    /// The file or folder.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Why.
-    pub fn kind(&self) -> &WriteErrorKind {
-        &self.kind
-    }
-}
-
 impl From<io::Error> for WriteErrorKind {
     fn from(error: io::Error) -> Self {
         match error.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::StorageFull,
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::StorageFull(error),
             _ => Self::Io(error),
         }
     }
@@ -116,8 +93,9 @@ impl From<io::Error> for WriteErrorKind {
 /// hidden file `.write-plan` keeps two processes, or two different datasets, out of one folder.
 ///
 /// # Errors
-/// Where the source fails, has no view, has a surface whose id is no file name, or a reading or
-/// range that [`Source::describe`] would not hold for; where the folder has another dataset, is being written to, or cannot be; and where no space is left.
+/// Where the source fails; where it has no view, or what could not be read again, such as a surface
+/// whose id is no file name or a reading outside of the range of [`Source::describe`]; where the folder
+/// has another dataset, is being written to, or cannot be; and where no space is left.
 pub fn write_dataset(
     source: &dyn Source,
     folder: &Path,
@@ -176,16 +154,25 @@ struct Writer<'a> {
 impl Writer<'_> {
     /// Everything but the frames.
     fn files(&self) -> Result<Files, WriteError> {
-        self.check_surfaces()?;
         let manifest = self.manifest()?;
         let error = |error: io::Error| WriteError::new(self.folder, error.into());
-        let manifest = toml::to_string(&manifest).map_err(|e| error(io::Error::other(e)))?;
+        let text = toml::to_string(&manifest).map_err(|e| error(io::Error::other(e)))?;
         let surfaces = surfaces_csv(self.source.surfaces()).map_err(error)?;
         let tactile = tactile_csv(self.source).map_err(error)?;
+
+        // What could not be read again is not written.
+        let refused = |file: &str, fault: Fault| {
+            let refused = fault.of_file(file.as_ref());
+            self.unsuitable(refused.to_string())
+        };
+        let read = read_surfaces(&surfaces).map_err(|fault| refused("surfaces.csv", fault))?;
+        let (format, settings) = (&manifest.tactile, ReadSettings::default());
+        let table = read_table(&tactile, format, &read, &manifest, &settings);
+        table.map_err(|fault| refused("tactile.csv", fault))?;
         Ok([
             ("surfaces.csv", surfaces),
             ("tactile.csv", tactile),
-            ("dataset.toml", manifest.into_bytes()),
+            ("dataset.toml", text.into_bytes()),
         ])
     }
 
@@ -193,34 +180,12 @@ impl Writer<'_> {
         WriteError::new(self.folder, WriteErrorKind::Unsuitable(text))
     }
 
-    /// Something of the source that is not as it must be.
-    fn unexpected(&self, what: &str, found: impl Display, expected: &str) -> WriteError {
-        self.unsuitable(format!("{what}: found {found}, expected {expected}"))
-    }
-
-    fn check_surfaces(&self) -> Result<(), WriteError> {
-        if self.source.surfaces().is_empty() {
-            return Err(self.unexpected("the surfaces", "none", "at least one"));
-        }
-        let mut ids = HashSet::new();
-        for surface in self.source.surfaces() {
-            check_surface_id(&surface.id).map_err(|InvalidSurfaceId { found, expected }| {
-                self.unexpected("the id of a surface", found, expected)
-            })?;
-            if !ids.insert(&surface.id) {
-                let found = format!("`{}` twice", surface.id);
-                return Err(self.unexpected("the ids of the surfaces", found, "each once"));
-            }
-        }
-        Ok(())
-    }
-
     fn manifest(&self) -> Result<Manifest, WriteError> {
         let angles = self.source.view_angles().iter();
         let view_angles_deg = ViewAngles::list(angles.map(|angle| angle.0).collect())
-            .map_err(|error| self.unexpected("the views", error, "finite angles"))?;
+            .map_err(|error| self.unsuitable(format!("the views: {error}")))?;
         let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
-            .map_err(|error| self.unexpected("the properties", error, "each once"))?;
+            .map_err(|error| self.unsuitable(format!("the properties: {error}")))?;
         // What is known of a code anyway is not written.
         let described = properties.iter().filter_map(|property| {
             let mut described = self.source.describe(property);
@@ -242,29 +207,7 @@ impl Writer<'_> {
             property: described,
         };
         manifest.check().map_err(|text| self.unsuitable(text))?;
-        self.check_readings(&manifest)?;
         Ok(manifest)
-    }
-
-    /// A dataset with a reading outside of its own ranges could not be opened.
-    fn check_readings(&self, manifest: &Manifest) -> Result<(), WriteError> {
-        let table = self.source.tactile();
-        for reading in &table.readings {
-            for (property, &value) in table.properties.iter().zip(&reading.values) {
-                if let Some(value) = value
-                    && let Some(range) =
-                        manifest.range(property).filter(|range| !range.holds(value))
-                {
-                    let [low, high] = range.ends();
-                    let surface = self.source.surfaces().get(reading.surface);
-                    let id = surface.map_or("", |surface| &surface.id);
-                    let found = format!("{property} of `{id}` at {value}");
-                    let expected = format!("{low} to {high}, as the source declares");
-                    return Err(self.unexpected("a reading", found, &expected));
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Makes the folder this dataset's own, or finds that it is.
@@ -320,9 +263,8 @@ impl Writer<'_> {
     }
 
     fn surface_folder(&self, surface: usize) -> PathBuf {
-        self.folder
-            .join("frames")
-            .join(&self.source.surfaces()[surface].id)
+        let id = &self.source.surfaces()[surface].id;
+        self.folder.join("frames").join(id)
     }
 
     fn frame_name(&self, view: usize) -> String {
@@ -342,12 +284,9 @@ impl Writer<'_> {
         let write = |partial: &Path| {
             (0..views).into_par_iter().try_for_each(|view| {
                 let path = partial.join(self.frame_name(view));
-                let error = |kind| WriteError::new(&path, kind);
-                let bytes = self
-                    .encoded(surface, view)
-                    .map_err(|refused| self.no_frame(surface, view, refused))?
-                    .map_err(|refused| error(WriteErrorKind::Unsuitable(refused.to_string())))?;
-                write_new(&path, &bytes).map_err(|refused| error(refused.into()))
+                let bytes = self.encoded(surface, view);
+                let bytes = bytes.map_err(|error| self.no_frame(surface, view, error))?;
+                write_new(&path, &bytes).map_err(|error| WriteError::new(&path, error.into()))
             })
         };
         write_folder(&folder, write, |error| {
@@ -356,18 +295,16 @@ impl Writer<'_> {
     }
 
     /// The frame as its format holds it best: as linear light where both know of that.
-    fn encoded(
-        &self,
-        surface: usize,
-        view: usize,
-    ) -> Result<Result<Vec<u8>, EncodeError>, SourceError> {
+    fn encoded(&self, surface: usize, view: usize) -> Result<Vec<u8>, SourceError> {
         let format = self.options.format;
-        if format != FrameFormat::Png
+        let encoded = if format != FrameFormat::Png
             && let Some(light) = self.source.linear_frame(surface, view)?
         {
-            return Ok(format.encode_linear(&light));
-        }
-        Ok(format.encode(&self.source.frame(surface, view)?))
+            format.encode_linear(&light)
+        } else {
+            format.encode(&self.source.frame(surface, view)?)
+        };
+        encoded.map_err(SourceError::new)
     }
 
     fn no_frame(&self, surface: usize, view: usize, error: SourceError) -> WriteError {

@@ -1,14 +1,9 @@
-use std::fmt;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::{fmt, io};
+
+use crate::FileError;
 
 /// A frame that cannot be had: which file, and why.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {kind}", path.display())]
-pub struct FrameError {
-    path: PathBuf,
-    kind: FrameErrorKind,
-}
+pub type FrameError = FileError<FrameErrorKind>;
 
 /// Why a frame cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -16,7 +11,7 @@ pub struct FrameError {
 pub enum FrameErrorKind {
     /// The file cannot be opened or read.
     #[error("cannot be read: {0}")]
-    Io(io::Error),
+    Io(#[from] io::Error),
     /// No file for that view, or two; or the dataset has no such surface or view.
     #[error("{0}")]
     NoFrame(String),
@@ -84,25 +79,6 @@ impl fmt::Display for ImageFormat {
     }
 }
 
-impl FrameError {
-    pub(crate) fn new(path: &Path, kind: FrameErrorKind) -> Self {
-        Self {
-            path: path.to_owned(),
-            kind,
-        }
-    }
-
-    /// The file, or the folder that should have had it.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Why.
-    pub fn kind(&self) -> &FrameErrorKind {
-        &self.kind
-    }
-}
-
 impl FrameErrorKind {
     pub(super) fn damaged(format: ImageFormat, reason: impl fmt::Display) -> Self {
         Self::Damaged(format!("is not a whole {format} image: {reason}"))
@@ -112,11 +88,5 @@ impl FrameErrorKind {
         Self::Unsupported(format!(
             "uses a feature of {format} that is not read: {reason}"
         ))
-    }
-}
-
-impl From<io::Error> for FrameErrorKind {
-    fn from(error: io::Error) -> Self {
-        Self::Io(error)
     }
 }

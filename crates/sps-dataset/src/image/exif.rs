@@ -1,6 +1,7 @@
 use rayon::prelude::*;
 
 use crate::Extent;
+use crate::files::integer;
 
 /// How a stored image has to be turned to stand upright (EXIF 2.32, tag 0x0112), 1 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,28 +78,17 @@ impl Orientation {
 /// The orientation of the first directory of a TIFF structure.
 fn orientation_tag(exif: &[u8]) -> Option<u16> {
     let tiff = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
-    let little = match tiff.get(..4)? {
-        [b'I', b'I', 42, 0] => true,
-        [b'M', b'M', 0, 42] => false,
+    let is_big_endian = match tiff.get(..4)? {
+        [b'I', b'I', 42, 0] => false,
+        [b'M', b'M', 0, 42] => true,
         _ => return None,
     };
+    let directory = integer(tiff.get(4..8)?, is_big_endian) as usize;
     let u16_at = |at: usize| {
-        let bytes: [u8; 2] = tiff.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if little {
-            u16::from_le_bytes(bytes)
-        } else {
-            u16::from_be_bytes(bytes)
-        })
+        let bytes = tiff.get(at..at.checked_add(2)?)?;
+        Some(integer(bytes, is_big_endian) as u16)
     };
-    let (first, second) = (u16_at(4)?, u16_at(6)?);
-    let (high, low) = if little {
-        (second, first)
-    } else {
-        (first, second)
-    };
-    let directory = usize::from(high) << 16 | usize::from(low);
-    let entries = usize::from(u16_at(directory)?);
-    (0..entries)
+    (0..usize::from(u16_at(directory)?))
         .map(|entry| directory + 2 + entry * 12)
         .find(|&entry| u16_at(entry) == Some(ORIENTATION_TAG))
         .and_then(|entry| u16_at(entry + 8))

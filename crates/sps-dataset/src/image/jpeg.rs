@@ -5,7 +5,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::exif::Orientation;
-use super::samples::{Depth, Samples};
+use super::samples::Samples;
 use super::{FrameErrorKind, ImageFormat, Limits, check_size};
 use crate::Extent;
 
@@ -39,7 +39,7 @@ pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameError
     let samples = Samples {
         extent: Extent { width, height },
         channels,
-        depth: Depth::Eight,
+        bytes_per_sample: 1,
         bytes,
     };
     let orientation = Orientation::from_exif(decoder.exif().map(Vec::as_slice));

@@ -3,7 +3,7 @@ use std::io::Cursor;
 use png::{BitDepth, ColorType, Decoder, DecodingError, Transformations};
 
 use super::exif::Orientation;
-use super::samples::{Depth, Samples};
+use super::samples::Samples;
 use super::{FrameErrorKind, ImageFormat, Limits, check_size};
 use crate::Extent;
 
@@ -40,11 +40,8 @@ pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameError
             ColorType::Rgb | ColorType::Indexed => 3,
             ColorType::Rgba => 4,
         },
-        depth: if output.bit_depth == BitDepth::Sixteen {
-            Depth::Sixteen
-        } else {
-            Depth::Eight
-        },
+        // What has fewer bits is expanded to eight.
+        bytes_per_sample: 1 + usize::from(output.bit_depth == BitDepth::Sixteen),
         bytes,
     };
     let orientation = Orientation::from_exif(reader.info().exif_metadata.as_deref());

@@ -8,16 +8,9 @@ pub(super) struct Samples {
     pub(super) extent: Extent,
     /// 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
     pub(super) channels: usize,
-    pub(super) depth: Depth,
+    /// 1, or 2 in big-endian order, as PNG stores them.
+    pub(super) bytes_per_sample: usize,
     pub(super) bytes: Vec<u8>,
-}
-
-/// How a sample is stored.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Depth {
-    Eight,
-    /// Big-endian, as PNG stores it.
-    Sixteen,
 }
 
 impl Samples {
@@ -71,25 +64,19 @@ impl Samples {
 
     /// Bytes of a pixel.
     fn pixel(&self) -> usize {
-        match self.depth {
-            Depth::Eight => self.channels,
-            Depth::Sixteen => 2 * self.channels,
-        }
+        self.bytes_per_sample * self.channels
     }
 
     fn read_row(&self, y: usize, background: [f32; 3], row: &mut [f32]) {
         let length = self.extent.width * self.pixel();
         let bytes = &self.bytes[y * length..][..length];
-        match self.depth {
-            Depth::Eight => {
-                let samples = bytes.iter().map(|&byte| f32::from(byte) / 255.0);
-                mix(samples, self.channels, background, row);
-            }
-            Depth::Sixteen => {
-                let pairs = bytes.as_chunks().0.iter();
-                let samples = pairs.map(|&pair| f32::from(u16::from_be_bytes(pair)) / 65535.0);
-                mix(samples, self.channels, background, row);
-            }
+        if self.bytes_per_sample == 1 {
+            let samples = bytes.iter().map(|&byte| f32::from(byte) / 255.0);
+            mix(samples, self.channels, background, row);
+        } else {
+            let pairs = bytes.as_chunks().0.iter();
+            let samples = pairs.map(|&pair| f32::from(u16::from_be_bytes(pair)) / 65535.0);
+            mix(samples, self.channels, background, row);
         }
     }
 }

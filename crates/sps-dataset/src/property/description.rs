@@ -31,34 +31,23 @@ impl Description {
             ..Self::default()
         }
     }
-
-    /// The name, or else the code.
-    pub fn name_or<'a>(&'a self, property: &'a Property) -> &'a str {
-        if self.name.is_empty() {
-            property
-        } else {
-            &self.name
-        }
-    }
 }
 
 /// The lowest and highest value that a property can take. An end may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "[f64; 2]", into = "[f64; 2]")]
-pub struct PropertyRange {
-    low: f64,
-    high: f64,
-}
+#[serde(try_from = "[f64; 2]")]
+pub struct PropertyRange([f64; 2]);
 
 impl PropertyRange {
     /// The ends, lower first.
     pub const fn ends(self) -> [f64; 2] {
-        [self.low, self.high]
+        self.0
     }
 
     /// Whether a value lies within, ends included.
     pub fn holds(self, value: f64) -> bool {
-        (self.low..=self.high).contains(&value)
+        let [low, high] = self.0;
+        (low..=high).contains(&value)
     }
 }
 
@@ -68,17 +57,11 @@ impl TryFrom<[f64; 2]> for PropertyRange {
     fn try_from([low, high]: [f64; 2]) -> Result<Self, InvalidValue> {
         // Neither is NaN.
         if low < high {
-            return Ok(Self { low, high });
+            return Ok(Self([low, high]));
         }
         let found = format!("found a range of {low} to {high}");
         Err(InvalidValue(format!(
             "{found}, expected a lower end below the upper"
         )))
-    }
-}
-
-impl From<PropertyRange> for [f64; 2] {
-    fn from(range: PropertyRange) -> Self {
-        range.ends()
     }
 }

@@ -4,7 +4,6 @@ mod description;
 mod order;
 pub mod toccare;
 
-use std::borrow::Borrow;
 use std::fmt;
 use std::ops::Deref;
 use std::str::FromStr;
@@ -16,7 +15,7 @@ pub use description::{Description, PropertyRange};
 pub use order::PropertyOrder;
 
 /// Columns of a tactile table that are no property.
-const RESERVED: [&str; 3] = ["surface", "location", "repeat"];
+pub(crate) const RESERVED: [&str; 3] = ["surface", "location", "repeat"];
 
 /// Codes are parts of file names.
 const LONGEST: usize = 64;
@@ -76,12 +75,6 @@ impl Deref for Property {
     }
 }
 
-impl Borrow<str> for Property {
-    fn borrow(&self) -> &str {
-        &self.0
-    }
-}
-
 impl PartialEq<&str> for Property {
     fn eq(&self, code: &&str) -> bool {
         &*self.0 == *code
@@ -118,9 +111,8 @@ impl<'de> Deserialize<'de> for Property {
 impl InvalidCode {
     /// A code that is close: what is not allowed becomes `-`.
     pub fn suggestion(&self) -> Option<Property> {
-        let parts = self
-            .0
-            .split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        let stands_between = |c: char| !c.is_ascii_alphanumeric() && c != '_';
+        let parts = self.0.split(stands_between);
         let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
         parts.join("-").parse().ok()
     }

@@ -3,20 +3,15 @@ use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Property, toccare};
+use super::Property;
 use crate::InvalidValue;
 
 /// Properties in an explicit order: at least one, none twice.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Vec<Property>", into = "Vec<Property>")]
+#[serde(try_from = "Vec<Property>")]
 pub struct PropertyOrder(Vec<Property>);
 
 impl PropertyOrder {
-    /// The Toccare's fifteen, in the order of [`toccare::ALL`].
-    pub fn toccare() -> Self {
-        Self(toccare::properties())
-    }
-
     /// Where a property stands in the order.
     pub fn position(&self, property: &Property) -> Option<usize> {
         self.0.iter().position(|listed| listed == property)
@@ -37,12 +32,6 @@ impl TryFrom<Vec<Property>> for PropertyOrder {
             None => return Ok(Self(properties)),
         };
         Err(InvalidValue(wrong))
-    }
-}
-
-impl From<PropertyOrder> for Vec<Property> {
-    fn from(order: PropertyOrder) -> Self {
-        order.0
     }
 }
 

@@ -46,9 +46,7 @@ const fn known(code: &'static str, name: &'static str, category: &'static str) -
 
 /// All fifteen, in the order of [`ALL`].
 pub fn properties() -> Vec<Property> {
-    ALL.iter()
-        .map(|known| Property(known.code.into()))
-        .collect()
+    ALL.map(|known| Property(known.code.into())).to_vec()
 }
 
 /// The property of that code; `None` where it is none of the fifteen.

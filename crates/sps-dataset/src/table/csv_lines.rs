@@ -1,10 +1,10 @@
 use csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::property_of_column;
+use crate::Property;
 use crate::error::{Fault, Place};
 use crate::files::text;
 use crate::tactile::is_plausible;
-use crate::{DatasetErrorKind, Property};
 
 /// One line of a CSV file, its cells trimmed.
 pub(crate) struct Line {
@@ -27,7 +27,7 @@ pub(crate) fn csv_lines(bytes: &[u8]) -> Result<(Line, Vec<Line>), Fault> {
     for record in reader.records() {
         let cells = record.map_err(|error| {
             let line = error.position().map_or(1, csv::Position::line);
-            DatasetErrorKind::malformed("CSV", error).at(Place::Line(line))
+            Fault::malformed("CSV", error).at(Place::Line(line))
         })?;
         let position = cells.position();
         let number = position.map_or(1, |position| line_number(text, position));
@@ -67,7 +67,7 @@ impl Line {
     /// What was expected of this header.
     pub(crate) fn unexpected_header(&self, found: &str, expected: &str) -> Fault {
         let found = if found.is_empty() { "nothing" } else { found };
-        DatasetErrorKind::unexpected("the header", found, expected).at(self.place())
+        Fault::unexpected("the header", found, expected).at(self.place())
     }
 
     /// The column of that name in this header.
@@ -98,7 +98,7 @@ impl Line {
             if others.contains(&column) || ignored.iter().any(|ignored| ignored == name) {
                 continue;
             }
-            let property = property_of_column(name).map_err(|kind| kind.at(self.place()))?;
+            let property = property_of_column(name).map_err(|fault| fault.at(self.place()))?;
             if columns.iter().any(|(_, listed)| *listed == property) {
                 return Err(self.unexpected_header(&format!("`{name}` twice"), "it once"));
             }
@@ -113,8 +113,7 @@ impl Line {
         if found == expected {
             return Ok(());
         }
-        let kind = DatasetErrorKind::unexpected("the cells of the line", found, expected);
-        Err(kind.at(self.place()))
+        Err(Fault::unexpected("the cells of the line", found, expected).at(self.place()))
     }
 
     /// What was measured of each property: no value where a cell is empty or NaN.
@@ -134,6 +133,6 @@ impl Line {
     }
 
     pub(super) fn not_a_number(&self, column: usize, name: &str, expected: &str) -> Fault {
-        DatasetErrorKind::not_a_number(name, self.cell(column), expected).at(self.place())
+        Fault::not_a_number(name, self.cell(column), expected).at(self.place())
     }
 }

@@ -1,8 +1,9 @@
 use super::json_node::{Entries, Node};
 use super::keyed::{Touch, Values};
 use super::property_of_column;
+use crate::error::Fault;
 use crate::tactile::is_plausible;
-use crate::{DatasetErrorKind, Property, PropertyOrder};
+use crate::{Property, PropertyOrder};
 
 /// What the values of a row are: the order that was given, or else the properties that the
 /// objects of the document name.
@@ -23,13 +24,13 @@ impl<'a> Columns<'a> {
     pub(super) fn note<'b>(
         &mut self,
         names: impl IntoIterator<Item = &'b str>,
-    ) -> Result<(), DatasetErrorKind> {
+    ) -> Result<(), Fault> {
         for name in names {
             let property = property_of_column(name)?;
             match self.order {
                 Some(order) if order.position(&property).is_none() => {
                     let expected = "only properties of `property-order`";
-                    return Err(DatasetErrorKind::unexpected("its keys", name, expected));
+                    return Err(Fault::unexpected("its keys", name, expected));
                 }
                 Some(_) => {}
                 None if self.named.contains(&property) => {}
@@ -44,17 +45,15 @@ impl<'a> Columns<'a> {
     }
 
     /// The values of an object; a property that it does not have was not measured.
-    pub(super) fn of_object(&self, entries: &Entries) -> Result<Values, DatasetErrorKind> {
+    pub(super) fn of_object(&self, entries: &Entries) -> Result<Values, Fault> {
         let value = |property: &Property| {
-            let mut named = entries
-                .iter()
-                .filter(|(name, _)| property == &name.as_str());
+            let mut named = entries.iter().filter(|(name, _)| name == property.code());
             match (named.next(), named.next()) {
                 (Some((_, node)), None) => measured(property, node),
                 (None, _) => Ok(None),
                 (Some((name, _)), Some(_)) => {
                     let found = format!("`{name}` twice");
-                    Err(DatasetErrorKind::unexpected("its keys", found, "it once"))
+                    Err(Fault::unexpected("its keys", found, "it once"))
                 }
             }
         };
@@ -63,7 +62,7 @@ impl<'a> Columns<'a> {
 
     /// The touches of one entry: an object or a list of values is one, a list of those the repeats
     /// at one location, and a list of such lists the locations.
-    pub(super) fn touches(&self, node: &Node) -> Result<Vec<Touch>, DatasetErrorKind> {
+    pub(super) fn touches(&self, node: &Node) -> Result<Vec<Touch>, Fault> {
         match node {
             Node::Object(entries) => Ok(vec![(0, 0, self.of_object(entries)?)]),
             Node::List(list) => match depth(list) {
@@ -77,37 +76,35 @@ impl<'a> Columns<'a> {
             },
             other => {
                 let expected = "an object or a list of values, of repeats or of locations";
-                Err(DatasetErrorKind::unexpected("an entry", other, expected))
+                Err(Fault::unexpected("an entry", other, expected))
             }
         }
     }
 
-    fn repeats(&self, location: u32, list: &[Node]) -> Result<Vec<Touch>, DatasetErrorKind> {
+    fn repeats(&self, location: u32, list: &[Node]) -> Result<Vec<Touch>, Fault> {
         let repeats = (0..).zip(list);
-        repeats
-            .map(|(at, node)| Ok((location, at, self.of_list(node.as_list()?)?)))
-            .collect()
+        let touches = repeats.map(|(at, node)| Ok((location, at, self.of_list(node.as_list()?)?)));
+        touches.collect()
     }
 
-    fn of_list(&self, list: &[Node]) -> Result<Values, DatasetErrorKind> {
-        let order = self.order.ok_or_else(DatasetErrorKind::no_property_order)?;
+    fn of_list(&self, list: &[Node]) -> Result<Values, Fault> {
+        let order = self.order.ok_or_else(Fault::no_property_order)?;
         if list.len() != order.len() {
             let expected = format!("{}, one per entry of `property-order`", order.len());
             let what = "the length of a list";
-            return Err(DatasetErrorKind::unexpected(what, list.len(), expected));
+            return Err(Fault::unexpected(what, list.len(), expected));
         }
         let values = order.iter().zip(list);
-        values
-            .map(|(property, node)| measured(property, node))
-            .collect()
+        let values = values.map(|(property, node)| measured(property, node));
+        values.collect()
     }
 }
 
 impl Node {
-    fn as_list(&self) -> Result<&[Self], DatasetErrorKind> {
+    fn as_list(&self) -> Result<&[Self], Fault> {
         match self {
             Self::List(list) => Ok(list),
-            other => Err(DatasetErrorKind::unexpected("an entry", other, "a list")),
+            other => Err(Fault::unexpected("an entry", other, "a list")),
         }
     }
 }
@@ -120,13 +117,13 @@ fn depth(list: &[Node]) -> usize {
     }
 }
 
-fn measured(property: &Property, node: &Node) -> Result<Option<f64>, DatasetErrorKind> {
+fn measured(property: &Property, node: &Node) -> Result<Option<f64>, Fault> {
     match node {
         Node::Null => Ok(None),
         Node::Number(value) if is_plausible(*value) => Ok(Some(*value)),
         other => {
             let expected = "a number within 1e9 of 0, or null";
-            Err(DatasetErrorKind::not_a_number(property, other, expected))
+            Err(Fault::not_a_number(property, other, expected))
         }
     }
 }

@@ -2,8 +2,8 @@ use std::collections::HashMap;
 
 use super::Statistics;
 use super::rows::{RawRow, RawTable};
+use crate::Property;
 use crate::error::{Fault, Place};
-use crate::{DatasetErrorKind, Property};
 
 /// The values of one touch, in the order of the table's columns.
 pub(super) type Values = Vec<Option<f64>>;
@@ -37,12 +37,12 @@ impl<'a> KeyedTable<'a> {
         touches: Vec<Touch>,
     ) -> Result<(), Fault> {
         if let Some(first) = self.first_seen.insert(name.to_owned(), place.clone()) {
-            return Err(DatasetErrorKind::twice(name, &first).at(place));
+            return Err(Fault::twice(name, &first).at(place));
         }
         if name == self.names.mean || name == self.names.std {
             let Ok([(_, _, values)]) = <[Touch; 1]>::try_from(touches) else {
-                let kind = unexpected_statistics("several values per property", "one");
-                return Err(kind.at(place));
+                let found = "several values per property";
+                return Err(unexpected_statistics(found, "one").at(place));
             };
             self.statistics.insert(name.to_owned(), (place, values));
             return Ok(());
@@ -63,7 +63,7 @@ impl<'a> KeyedTable<'a> {
         let restore = if *restore {
             if mean == std {
                 let found = format!("`{mean}` as mean and std");
-                return Err(unexpected_statistics(&found, "two names").into());
+                return Err(unexpected_statistics(&found, "two names"));
             }
             Some([self.complete(mean)?, self.complete(std)?])
         } else {
@@ -80,13 +80,16 @@ impl<'a> KeyedTable<'a> {
     fn complete(&self, name: &str) -> Result<Vec<f64>, Fault> {
         let expected = "one number per property, for the values are to be restored by them";
         let Some((place, values)) = self.statistics.get(name) else {
-            return Err(unexpected_statistics(&format!("no entry `{name}`"), expected).into());
+            return Err(unexpected_statistics(
+                &format!("no entry `{name}`"),
+                expected,
+            ));
         };
         let values: Option<_> = values.iter().copied().collect();
         values.ok_or_else(|| unexpected_statistics("a missing value", expected).at(place.clone()))
     }
 }
 
-fn unexpected_statistics(found: &str, expected: &str) -> DatasetErrorKind {
-    DatasetErrorKind::unexpected("the file's own statistics", found, expected)
+fn unexpected_statistics(found: &str, expected: &str) -> Fault {
+    Fault::unexpected("the file's own statistics", found, expected)
 }

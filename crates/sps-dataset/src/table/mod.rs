@@ -13,12 +13,9 @@ mod npz;
 mod rows;
 mod wide;
 
-use std::path::Path;
-
 use crate::error::Fault;
-use crate::files::read_file;
 use crate::folder::Manifest;
-use crate::{DatasetError, DatasetErrorKind, InvalidCode, Property, RangePolicy, Surface};
+use crate::{InvalidCode, Property, ReadSettings, Surface};
 
 pub(crate) use csv_lines::csv_lines;
 pub use format::{
@@ -28,38 +25,32 @@ pub use npy::read_npy;
 pub(crate) use rows::TactileRead;
 use rows::assemble;
 
-/// Reads the table of a dataset in `folder`; its columns become the properties of
-/// the manifest, in that order.
+/// Reads the table of a dataset; its columns become the properties of the manifest, in that order.
 pub(crate) fn read_table(
-    folder: &Path,
+    bytes: &[u8],
     format: &TableFormat,
     surfaces: &[Surface],
     manifest: &Manifest,
-    policy: RangePolicy,
-    limit: u64,
-) -> Result<TactileRead, DatasetError> {
-    let path = &folder.join(format.file());
-    let bytes = read_file(path, limit)?;
+    settings: &ReadSettings,
+) -> Result<TactileRead, Fault> {
     let raw = match format {
-        TableFormat::LongCsv(format) => long::read(&bytes, format),
-        TableFormat::WideCsv(format) => wide::read(&bytes, format),
-        TableFormat::Json(format) => json::read(&bytes, format),
+        TableFormat::LongCsv(format) => long::read(bytes, format),
+        TableFormat::WideCsv(format) => wide::read(bytes, format),
+        TableFormat::Json(format) => json::read(bytes, format),
         #[cfg(feature = "npz")]
-        TableFormat::Npz(format) => npz::read(&bytes, format, surfaces, limit),
+        TableFormat::Npz(format) => npz::read(bytes, format, surfaces, settings.table_bytes),
         #[cfg(not(feature = "npz"))]
         TableFormat::Npz(_) => {
             let expected = "any other form, for this was built without the feature `npz`";
-            Err(DatasetErrorKind::unexpected("the form of the table", "NPZ", expected).into())
+            Err(Fault::unexpected("the form of the table", "NPZ", expected))
         }
     };
-    raw.and_then(|raw| assemble(raw, surfaces, manifest, policy))
-        .map_err(|fault: Fault| fault.of_file(path))
+    assemble(raw?, surfaces, manifest, settings.tactile.out_of_range)
 }
 
 /// The property that a column's name stands for.
-fn property_of_column(name: &str) -> Result<Property, DatasetErrorKind> {
+fn property_of_column(name: &str) -> Result<Property, Fault> {
     name.parse().map_err(|invalid: InvalidCode| {
-        let text = format!("{invalid}; `ignore-columns` leaves a column out");
-        DatasetErrorKind::Invalid(text)
+        Fault::invalid(format!("{invalid}; `ignore-columns` leaves a column out"))
     })
 }

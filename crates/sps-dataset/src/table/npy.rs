@@ -3,6 +3,8 @@
 //! The crates that read it take ndarray 0.17 or a whole parser generator for the few words of its
 //! header.
 
+use crate::files::integer;
+
 /// An array in C order.
 #[derive(Debug, PartialEq)]
 pub(super) struct Array {
@@ -57,12 +59,7 @@ fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;
     let (length, rest) = rest.split_at_checked(if version[0] > 1 { 4 } else { 2 })?;
-    rest.split_at_checked(integer(length.iter().rev()) as usize)
-}
-
-/// The integer of so many bytes, the most significant first.
-fn integer<'a>(bytes: impl Iterator<Item = &'a u8>) -> u64 {
-    bytes.fold(0, |all, &byte| all << 8 | u64::from(byte))
+    rest.split_at_checked(integer(length, false) as usize)
 }
 
 /// The dtype, whether it is in Fortran order, and the shape:
@@ -89,9 +86,8 @@ fn parse_header(text: &str) -> Result<(&str, bool, Vec<usize>), String> {
 
 /// What stands before the first `end`, behind a `start` at the beginning.
 fn between(text: &str, start: char, end: char) -> Option<&str> {
-    text.strip_prefix(start)?
-        .split_once(end)
-        .map(|(inner, _)| inner)
+    let (inner, _) = text.strip_prefix(start)?.split_once(end)?;
+    Some(inner)
 }
 
 /// What an item is and how it is stored.
@@ -149,17 +145,8 @@ impl Item {
         }
     }
 
-    /// The bytes of an item as one integer.
-    fn bits(&self, item: &[u8]) -> u64 {
-        if self.big_endian {
-            integer(item.iter())
-        } else {
-            integer(item.iter().rev())
-        }
-    }
-
     fn number(&self, item: &[u8]) -> f64 {
-        let bits = self.bits(item);
+        let bits = integer(item, self.big_endian);
         let unused = 64 - 8 * item.len() as u32;
         match (self.kind, item.len()) {
             (b'f', 4) => f64::from(f32::from_bits(bits as u32)),
@@ -170,11 +157,11 @@ impl Item {
     }
 
     fn wide_text(&self, item: &[u8]) -> String {
-        let points = item.chunks_exact(4).map(|point| self.bits(point) as u32);
-        points
-            .take_while(|&point| point != 0)
-            .map(|point| char::from_u32(point).unwrap_or(char::REPLACEMENT_CHARACTER))
-            .collect()
+        let points = item.chunks_exact(4);
+        let points = points.map(|point| integer(point, self.big_endian) as u32);
+        let points = points.take_while(|&point| point != 0);
+        let known = |point| char::from_u32(point).unwrap_or(char::REPLACEMENT_CHARACTER);
+        points.map(known).collect()
     }
 }
 

@@ -9,7 +9,7 @@ use super::rows::RawTable;
 use super::{Npz, NpzLayout, Stacked};
 use crate::error::{Fault, Place};
 use crate::tactile::is_plausible;
-use crate::{DatasetErrorKind, PropertyOrder, Surface};
+use crate::{PropertyOrder, Surface};
 
 /// What a value costs in memory until its table is assembled, about.
 const BYTES_PER_VALUE: u64 = 64;
@@ -22,11 +22,11 @@ pub(super) fn read(
     limit: u64,
 ) -> Result<RawTable, Fault> {
     let order = format.property_order.as_ref();
-    let order = order.ok_or_else(DatasetErrorKind::no_property_order)?;
+    let order = order.ok_or_else(Fault::no_property_order)?;
     let arrays = Arrays::unpack(bytes, limit)?;
     let mut table = KeyedTable::new(&format.statistics);
     let mut push = |name: &str, values: &Numbers<'_>| {
-        let touches = values.touches(order).map_err(|kind| kind.at_key(name))?;
+        let touches = values.touches(order).map_err(|fault| fault.at_key(name))?;
         table.push(Place::Key(name.to_owned()), name, touches)
     };
     match &format.layout {
@@ -44,7 +44,7 @@ pub(super) fn read(
             let values = Numbers::of(&stacked.values, arrays.required(&stacked.values)?)?;
             let names = arrays.surface_names(stacked, surfaces)?;
             let each = values.split(names.len());
-            let each = each.map_err(|kind| kind.at_key(&stacked.values))?;
+            let each = each.map_err(|fault| fault.at_key(&stacked.values))?;
             for (name, values) in names.iter().zip(each) {
                 push(name, &values)?;
             }
@@ -58,7 +58,7 @@ struct Arrays(Vec<(String, Array)>);
 
 impl Arrays {
     fn unpack(bytes: &[u8], limit: u64) -> Result<Self, Fault> {
-        let malformed = |reason: String| DatasetErrorKind::malformed("NPZ", reason);
+        let malformed = |reason: String| Fault::malformed("NPZ", reason);
         let in_zip = |error: ZipError| malformed(error.to_string());
         let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(in_zip)?;
         let mut named = Vec::new();
@@ -70,12 +70,13 @@ impl Arrays {
             let mut unpacked = Vec::new();
             let read = file.take(left.saturating_add(1)).read_to_end(&mut unpacked);
             read.map_err(|error| malformed(format!("array `{name}`: {error}")))?;
-            let most = format!("its arrays unpack to more than the limit of {limit} bytes");
-            left = left
-                .checked_sub(unpacked.len() as u64)
-                .ok_or_else(|| malformed(most))?;
+            let Some(rest) = left.checked_sub(unpacked.len() as u64) else {
+                let most = format!("its arrays unpack to more than the limit of {limit} bytes");
+                return Err(malformed(most));
+            };
+            left = rest;
             let array = npy::read(&unpacked, limit / BYTES_PER_VALUE)
-                .map_err(|reason| DatasetErrorKind::malformed("NPY", reason).at_key(&name))?;
+                .map_err(|reason| Fault::malformed("NPY", reason).at_key(&name))?;
             named.push((name, array));
         }
         Ok(Self(named))
@@ -86,11 +87,11 @@ impl Arrays {
         found.map(|(_, array)| array)
     }
 
-    fn required(&self, name: &str) -> Result<&Array, DatasetErrorKind> {
+    fn required(&self, name: &str) -> Result<&Array, Fault> {
         self.find(name).ok_or_else(|| {
             let found: Vec<_> = self.0.iter().map(|(name, _)| name.as_str()).collect();
             let expected = format!("an array `{name}`");
-            DatasetErrorKind::unexpected("its arrays", found.join(", "), expected)
+            Fault::unexpected("its arrays", found.join(", "), expected)
         })
     }
 
@@ -103,8 +104,7 @@ impl Arrays {
             Items::Texts(texts) if shape.len() == 1 => Ok(texts.clone()),
             _ => {
                 let found = format!("shape {shape:?}, or numbers");
-                let kind = DatasetErrorKind::unexpected("the array", found, "one axis of texts");
-                Err(kind.at_key(name))
+                Err(Fault::unexpected("the array", found, "one axis of texts").at_key(name))
             }
         }
     }
@@ -123,29 +123,19 @@ impl<'a> Numbers<'a> {
                 shape: &array.shape,
                 values,
             }),
-            Items::Texts(_) => {
-                let kind = DatasetErrorKind::unexpected("the array", "texts", "numbers");
-                Err(kind.at_key(name))
-            }
+            Items::Texts(_) => Err(Fault::unexpected("the array", "texts", "numbers").at_key(name)),
         }
     }
 
     /// The parts along the first axis, of which there must be so many.
-    fn split(
-        &self,
-        parts: usize,
-    ) -> Result<impl Iterator<Item = Self> + use<'a>, DatasetErrorKind> {
+    fn split(&self, parts: usize) -> Result<impl Iterator<Item = Self> + use<'a>, Fault> {
         let Some((&count, shape)) = self.shape.split_first() else {
             let expected = "one for surfaces and one for properties";
-            return Err(DatasetErrorKind::unexpected("its axes", "none", expected));
+            return Err(Fault::unexpected("its axes", "none", expected));
         };
         if count != parts {
-            let expected = format!("{parts}, one per surface");
-            return Err(DatasetErrorKind::unexpected(
-                "the first axis",
-                count,
-                expected,
-            ));
+            let (what, expected) = ("the first axis", format!("{parts}, one per surface"));
+            return Err(Fault::unexpected(what, count, expected));
         }
         let (all, size) = (self.values, shape.iter().product::<usize>());
         Ok((0..count).map(move |part| Self {
@@ -155,7 +145,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// `(properties)`, `(repeats, properties)` or `(locations, repeats, properties)` as touches.
-    fn touches(&self, order: &PropertyOrder) -> Result<Vec<Touch>, DatasetErrorKind> {
+    fn touches(&self, order: &PropertyOrder) -> Result<Vec<Touch>, Fault> {
         let repeats = match *self.shape {
             [_] => 1,
             [repeats, _] | [_, repeats, _] => repeats,
@@ -167,12 +157,8 @@ impl<'a> Numbers<'a> {
                  properties, as in `property-order`",
                 order.len()
             );
-            let found = format!("{:?}", self.shape);
-            return Err(DatasetErrorKind::unexpected(
-                "the axes of a surface",
-                found,
-                expected,
-            ));
+            let (what, found) = ("the axes of a surface", format!("{:?}", self.shape));
+            return Err(Fault::unexpected(what, found, expected));
         }
         let touch = |(index, values): (usize, &[f64])| {
             let values = order.iter().zip(values);
@@ -181,7 +167,7 @@ impl<'a> Numbers<'a> {
                     return Ok((!value.is_nan()).then_some(value));
                 }
                 let expected = "a number within 1e9 of 0, or NaN";
-                Err(DatasetErrorKind::not_a_number(property, value, expected))
+                Err(Fault::not_a_number(property, value, expected))
             });
             let values = measured.collect::<Result<_, _>>()?;
             Ok(((index / repeats) as u32, (index % repeats) as u32, values))

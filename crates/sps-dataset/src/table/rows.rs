@@ -6,8 +6,7 @@ use crate::error::{Fault, Place};
 use crate::folder::Manifest;
 use crate::tactile::{PLAUSIBLE, is_plausible};
 use crate::{
-    DatasetErrorKind, OutOfRange, Property, PropertyRange, RangePolicy, Reading, Surface,
-    TactileTable, toccare,
+    OutOfRange, Property, PropertyRange, RangePolicy, Reading, Surface, TactileTable, toccare,
 };
 
 /// A table as its file has it, before anything is made of its values.
@@ -64,14 +63,14 @@ pub(super) fn assemble(
                 expected: Vec::new(),
                 ..UnknownName::new("surface", &row.surface, ids)
             };
-            return Err(DatasetErrorKind::Invalid(unknown.to_string()).at(row.place));
+            return Err(Fault::invalid(unknown.to_string()).at(row.place));
         };
         let touch = (surface, row.location, row.repeat);
         if let Some(first) = first_seen.insert(touch, row.place.clone()) {
             let touch = format!("location {}, repeat {}", row.location, row.repeat);
             let of = format!("{touch} of surface `{}`", row.surface);
             let text = format!("{of} is listed twice, first at {first}");
-            return Err(DatasetErrorKind::Invalid(text).at(row.place));
+            return Err(Fault::invalid(text).at(row.place));
         }
         let values = columns.iter_mut();
         let values = values.map(|column| column.take(&row, raw.restore.as_ref(), policy));
@@ -80,7 +79,7 @@ pub(super) fn assemble(
             surface,
             location: row.location,
             repeat: row.repeat,
-            values: values.map_err(|kind| kind.at(row.place))?,
+            values: values.map_err(|fault| fault.at(row.place))?,
         });
     }
     let out_of_range = columns.into_iter();
@@ -97,7 +96,7 @@ pub(super) fn assemble(
 fn find_columns<'a>(
     columns: &[Property],
     manifest: &'a Manifest,
-) -> Result<Vec<Column<'a>>, DatasetErrorKind> {
+) -> Result<Vec<Column<'a>>, Fault> {
     let find = |property: &'a Property| {
         let at = columns.iter().position(|column| column == property);
         let at = at.ok_or_else(|| {
@@ -106,7 +105,7 @@ fn find_columns<'a>(
             let near = near.map_or(String::new(), |near| format!(" (is it `{near}`?)"));
             let expected =
                 format!("one for `{property}`, which the dataset lists in its properties{near}");
-            DatasetErrorKind::unexpected("the columns of the table", listed.join(", "), expected)
+            Fault::unexpected("the columns of the table", listed.join(", "), expected)
         })?;
         let declared = manifest.range(property);
         let nominal = match toccare::find(property) {
@@ -132,7 +131,7 @@ impl Column<'_> {
         row: &RawRow,
         restore: Option<&[Vec<f64>; 2]>,
         policy: RangePolicy,
-    ) -> Result<Option<f64>, DatasetErrorKind> {
+    ) -> Result<Option<f64>, Fault> {
         let at = self.at;
         let Some(stored) = row.values.get(at).copied().flatten() else {
             return Ok(None);
@@ -142,7 +141,7 @@ impl Column<'_> {
         let refused = |[low, high]: [f64; 2], why| {
             let outside = format!("outside {low} to {high}, {why}");
             let text = format!("{property} of `{surface}` is {value}, {outside}");
-            Err(DatasetErrorKind::Invalid(text))
+            Err(Fault::invalid(text))
         };
         if !is_plausible(value) {
             return refused([-PLAUSIBLE, PLAUSIBLE], "and is to be rejected");

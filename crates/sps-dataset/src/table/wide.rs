@@ -2,15 +2,15 @@ use super::csv_lines::{Columns, Line, csv_lines};
 use super::keyed::KeyedTable;
 use super::rows::RawTable;
 use super::{Header, WideCsv};
+use crate::Property;
 use crate::error::Fault;
-use crate::{DatasetErrorKind, Property};
 
 pub(super) fn read(bytes: &[u8], format: &WideCsv) -> Result<RawTable, Fault> {
     let (first, below) = csv_lines(bytes)?;
     let (columns, count) = match (format.header, &format.property_order) {
         (Header::Properties, _) => (named(&first, format)?, first.cells.len()),
         (_, Some(order)) => ((1..).zip(order.iter().cloned()).collect(), order.len() + 1),
-        (_, None) => return Err(DatasetErrorKind::no_property_order().into()),
+        (_, None) => return Err(Fault::no_property_order()),
     };
     // A file without any line has no surface either.
     let is_surface = format.header == Header::Absent && !first.cells.is_empty();

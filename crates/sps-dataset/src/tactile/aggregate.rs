@@ -99,10 +99,8 @@ fn cell(readings: &[&Reading], column: usize, settings: TactileSettings) -> Opti
         let values = touches.iter().map(|touch| touch.values.get(column));
         values.filter_map(|value| *value?).collect()
     };
-    let locations: Vec<Vec<f64>> = locations
-        .map(measured)
-        .filter(|values| !values.is_empty())
-        .collect();
+    let locations = locations.map(measured);
+    let locations: Vec<Vec<f64>> = locations.filter(|values| !values.is_empty()).collect();
     let values = locations.iter().map(|values| settings.repeats.of(values));
     let values: Vec<f64> = values.collect();
     if values.is_empty() {
@@ -120,12 +118,11 @@ fn cell(readings: &[&Reading], column: usize, settings: TactileSettings) -> Opti
 /// Within-group standard deviation with `n - 1` degrees of freedom per group.
 fn pooled_std(groups: &[Vec<f64>]) -> Option<f64> {
     let freedom: usize = groups.iter().map(|values| values.len() - 1).sum();
-    let squares = groups.iter().map(|values| {
+    let squares = |values: &Vec<f64>| -> f64 {
         let mean = Average::Mean.of(values);
-        let squares = values.iter().map(|value| (value - mean).powi(2));
-        squares.sum::<f64>()
-    });
-    let squares: f64 = squares.sum();
+        values.iter().map(|value| (value - mean).powi(2)).sum()
+    };
+    let squares: f64 = groups.iter().map(squares).sum();
     (freedom > 0).then(|| (squares / freedom as f64).sqrt())
 }
 
@@ -173,9 +170,7 @@ impl SurfaceAverages {
 
     /// One property of every surface, in the order of the surfaces.
     pub fn column(&self, property: &str) -> Vec<Option<f64>> {
-        let surfaces = 0..self.surfaces();
-        surfaces
-            .map(|surface| self.value(surface, property))
-            .collect()
+        let values = (0..self.surfaces()).map(|surface| self.value(surface, property));
+        values.collect()
     }
 }

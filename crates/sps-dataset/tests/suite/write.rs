@@ -16,6 +16,7 @@ use tempfile::TempDir;
 /// The tiny dataset, counting the frames asked of it and failing from one of them on.
 struct Counted {
     inner: DatasetFolder,
+    tactile: TactileTable,
     frames: AtomicUsize,
     fail_from: usize,
     ranges: BTreeMap<&'static str, [f64; 2]>,
@@ -27,8 +28,10 @@ struct LampOut;
 
 impl Counted {
     fn new(fail_from: usize) -> Self {
+        let inner = open(&tiny_path());
         Self {
-            inner: open(&tiny_path()),
+            tactile: inner.tactile().clone(),
+            inner,
             frames: AtomicUsize::new(0),
             fail_from,
             ranges: BTreeMap::new(),
@@ -50,7 +53,7 @@ impl Source for Counted {
     }
 
     fn tactile(&self) -> &TactileTable {
-        self.inner.tactile()
+        &self.tactile
     }
 
     fn describe(&self, property: &Property) -> Description {
@@ -290,17 +293,12 @@ fn a_file_where_a_folder_belongs_is_an_error() {
 
 #[test]
 fn a_frame_without_pixels_is_refused() {
-    let refused = FrameFormat::Png
-        .encode(&frame(0, 3, Vec::new()))
-        .unwrap_err();
+    let encode = |frame| FrameFormat::Png.encode(&frame);
+    let refused = encode(frame(0, 3, Vec::new())).unwrap_err();
     let expected =
         "the frame cannot be encoded: it has 0 values for 0 x 3 pixels, expected three for each";
     assert_eq!(refused.to_string(), expected);
-    assert!(
-        FrameFormat::Png
-            .encode(&frame(2, 2, vec![0.0; 11]))
-            .is_err()
-    );
+    assert!(encode(frame(2, 2, vec![0.0; 11])).is_err());
 }
 
 /// A file system of 48 KiB, less than half of what the dataset needs; unmounted when dropped.
@@ -312,10 +310,9 @@ impl TinyDisk {
     fn mount() -> Option<Self> {
         let folder = TempDir::new().unwrap();
         let mut mount = std::process::Command::new("mount");
-        mount
-            .args("-t tmpfs -o size=48k tmpfs".split(' '))
-            .arg(folder.path());
-        let mounted = mount.stderr(std::process::Stdio::null()).status();
+        mount.args("-t tmpfs -o size=48k tmpfs".split(' '));
+        mount.arg(folder.path()).stderr(std::process::Stdio::null());
+        let mounted = mount.status();
         let is_there = mounted.is_ok_and(|status| status.success());
         is_there.then_some(Self(folder))
     }
@@ -338,7 +335,7 @@ fn a_full_disk_leaves_whole_surfaces_only() {
     };
     let source = Counted::new(usize::MAX);
     let refused = write_png(&source, disk.0.path()).unwrap_err();
-    assert!(matches!(refused.kind(), WriteErrorKind::StorageFull));
+    assert!(matches!(refused.kind(), WriteErrorKind::StorageFull(_)));
     assert!(!disk.0.path().join("dataset.toml").exists());
     for surface in entries(&disk.0.path().join("frames")) {
         let frames = entries(&surface);
@@ -367,7 +364,21 @@ fn declared_ranges_are_kept() {
     let folder = TempDir::new().unwrap();
     let refused = write_png(&ranged(&[("cDF", [0.0, 100.0])]), folder.path());
     let message = refused.unwrap_err().to_string();
-    assert!(message.contains("a reading: found cDF of `"), "{message}");
-    assert!(message.contains("expected 0 to 100"), "{message}");
-    assert!(!folder.path().join("dataset.toml").exists());
+    assert!(message.contains(": tactile.csv, line "), "{message}");
+    assert!(message.contains(": cDF of `"), "{message}");
+    assert!(message.contains(", outside 0 to 100, "), "{message}");
+    assert!(entries(folder.path()).is_empty());
+}
+
+#[test]
+fn what_could_not_be_read_again_is_not_written() {
+    let folder = TempDir::new().unwrap();
+    let mut source = Counted::new(usize::MAX);
+    let first = source.tactile.readings[0].clone();
+    source.tactile.readings.push(first);
+    let refused = write_png(&source, folder.path()).unwrap_err();
+    let message = refused.to_string();
+    let expected = "of surface `denim-01` is listed twice, first at line 2";
+    assert!(message.ends_with(expected), "{message}");
+    assert!(entries(folder.path()).is_empty());
 }

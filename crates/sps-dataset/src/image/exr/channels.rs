@@ -39,18 +39,15 @@ impl Picture {
         match *self {
             Self::Rgb(channels) => at(&channels).map(Slot::Colour),
             Self::Luminance(y) => at(&[y]).map(|_| Slot::Colour(1)),
-            Self::LuminanceChroma { y, ry, by, .. } => at(&[y])
-                .map(|_| Slot::Colour(1))
-                .or_else(|| at(&[ry, by]).map(Slot::Chroma)),
+            Self::LuminanceChroma { y, .. } if y == channel => Some(Slot::Colour(1)),
+            Self::LuminanceChroma { ry, by, .. } => at(&[ry, by]).map(Slot::Chroma),
         }
     }
 
     /// Whether every sample of the picture is a half as it was stored.
     pub(super) fn is_all_half(&self, header: &Header) -> bool {
-        let half = |&channel: &usize| {
-            let channel = header.channels.list.get(channel);
-            channel.is_some_and(|channel| channel.sample_type == SampleType::F16)
-        };
+        let list = &header.channels.list;
+        let half = |&channel: &usize| list[channel].sample_type == SampleType::F16;
         match self {
             Self::Rgb(channels) => channels.iter().all(half),
             Self::Luminance(y) => half(y),
@@ -78,16 +75,13 @@ pub(super) fn choose(
     layer: Option<&str>,
 ) -> Result<(usize, Picture), FrameErrorKind> {
     let candidates = candidates(headers)?;
-    let chosen = match (layer, &candidates[..]) {
-        (Some(layer), _) => candidates
-            .iter()
-            .find(|one| one.name == layer || (!layer.is_empty() && one.prefix == layer)),
-        (None, [only]) => Some(only),
-        (None, _) => candidates.iter().find(|one| one.prefix.is_empty()),
+    let is_asked_for = |one: &&Candidate| match layer {
+        Some(layer) => one.name == layer || (!layer.is_empty() && one.prefix == layer),
+        None => candidates.len() == 1 || one.prefix.is_empty(),
     };
-    chosen
-        .map(|one| (one.part, one.picture))
-        .ok_or_else(|| absent(headers, &candidates, layer))
+    let chosen = candidates.iter().find(is_asked_for);
+    let chosen = chosen.ok_or_else(|| absent(headers, &candidates, layer))?;
+    Ok((chosen.part, chosen.picture))
 }
 
 fn candidates(headers: &[Header]) -> Result<Vec<Candidate>, FrameErrorKind> {

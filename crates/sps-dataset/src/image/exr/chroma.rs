@@ -44,16 +44,11 @@ impl Chroma {
 
     /// Every stored row with its odd columns filled in.
     fn widened(&self) -> Vec<f32> {
-        if self.sampling == 1 {
-            return self.data.clone();
-        }
         let mut wide = Vec::with_capacity(self.data.len() * 2);
         for row in self.data.chunks_exact(self.width) {
             for x in 0..self.width {
-                wide.push(row[x]);
-                wide.push(interpolate(x as isize, self.width, |neighbour| {
-                    row[neighbour]
-                }));
+                let between = interpolate(x as isize, self.width, |at| row[at]);
+                wide.extend([row[x], between]);
             }
         }
         wide
@@ -78,9 +73,8 @@ pub(super) fn reconstruct(
     chroma: &[Chroma; 2],
     weights: LuminanceWeights,
 ) {
-    let wide = [chroma[0].widened(), chroma[1].widened()];
     if chroma[0].sampling == 1 {
-        let samples = wide[0].iter().zip(&wide[1]);
+        let samples = chroma[0].data.iter().zip(&chroma[1].data);
         for (pixel, (&ry, &by)) in data.as_chunks_mut::<3>().0.iter_mut().zip(samples) {
             *pixel = weights.rgb(pixel[1], ry, by);
         }
@@ -89,7 +83,7 @@ pub(super) fn reconstruct(
     let rows = Rows {
         width,
         height,
-        wide,
+        wide: chroma.each_ref().map(Chroma::widened),
         weights,
     };
     // Rows are replaced one behind where they are read, and each needs both neighbours.
@@ -132,11 +126,8 @@ impl Rows {
         let start = y.max(0) as usize * self.width;
         let pixel = |x: usize| {
             let luminance = data[(start + x) * 3 + 1];
-            self.weights.rgb(
-                luminance,
-                chroma(&self.wide[0], x),
-                chroma(&self.wide[1], x),
-            )
+            let [ry, by] = self.wide.each_ref().map(|plane| chroma(plane, x));
+            self.weights.rgb(luminance, ry, by)
         };
         (0..self.width).map(pixel).collect()
     }
@@ -165,10 +156,8 @@ impl LuminanceWeights {
     }
 
     fn luminance(self, rgb: Rgb) -> f32 {
-        rgb.iter()
-            .zip(self.0)
-            .map(|(value, weight)| value * weight)
-            .sum()
+        let weighted = rgb.iter().zip(self.0);
+        weighted.map(|(value, weight)| value * weight).sum()
     }
 
     /// Brings the saturation down to three quarters of the way from `mean` to 1, at constant
@@ -199,13 +188,11 @@ fn saturation(rgb: Rgb) -> f32 {
 
 /// Of the four pixels diagonal to column `x`.
 fn mean_saturation(rows: [&[Rgb]; 2], x: usize) -> f32 {
-    let sum: f32 = rows
-        .iter()
-        .map(|row| {
-            let right = (x + 1).min(row.len() - 1);
-            saturation(row[x.saturating_sub(1)]) + saturation(row[right])
-        })
-        .sum();
+    let of_row = |row: &[Rgb]| {
+        let right = (x + 1).min(row.len() - 1);
+        saturation(row[x.saturating_sub(1)]) + saturation(row[right])
+    };
+    let sum: f32 = rows.into_iter().map(of_row).sum();
     (sum / 4.0).min(1.0)
 }
 
@@ -215,13 +202,13 @@ fn from_primaries(primaries: Chromaticities) -> Option<[f32; 3]> {
         let (x, y) = (f64::from(point.0), f64::from(point.1));
         [x, y, 1.0 - x - y]
     };
-    let [red, green, blue, white] = [
-        primaries.red,
-        primaries.green,
-        primaries.blue,
-        primaries.white,
-    ]
-    .map(xyz);
+    let Chromaticities {
+        red,
+        green,
+        blue,
+        white,
+    } = primaries;
+    let [red, green, blue, white] = [red, green, blue, white].map(xyz);
     let determinant = |a: [f64; 3], b: [f64; 3], c: [f64; 3]| {
         a[0] * (b[1] * c[2] - c[1] * b[2]) - b[0] * (a[1] * c[2] - c[1] * a[2])
             + c[0] * (a[1] * b[2] - b[1] * a[2])

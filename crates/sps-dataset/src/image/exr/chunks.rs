@@ -190,11 +190,7 @@ fn unpack(
     bounds: IntegerBounds,
     packed: &[u8],
 ) -> Result<Block, FrameErrorKind> {
-    let block = Block {
-        bounds,
-        bytes: Vec::new(),
-    };
-    let size: usize = block.line_sizes(header).map(|(_, _, size)| size).sum();
+    let size: usize = line_sizes(bounds, header).map(|(_, _, size)| size).sum();
     let area = bounds.size.area();
     if !size.is_multiple_of(area) {
         let reason = "channels subsampled so that a pixel is no whole number of bytes";
@@ -254,43 +250,41 @@ fn check_dwa(
     Ok(())
 }
 
-impl Block {
-    /// Channel, row in the picture and bytes of each line, in the order of storage.
-    fn line_sizes(&self, header: &Header) -> impl Iterator<Item = (usize, usize, usize)> {
-        let (width, top) = (self.bounds.size.0, self.bounds.position.1 as usize);
-        (top..top + self.bounds.size.1).flat_map(move |y| {
-            let channels = header.channels.list.iter().enumerate();
-            channels
-                .filter(move |(_, channel)| y % channel.sampling.1 == 0)
-                .map(move |(index, channel)| {
-                    let samples = width / channel.sampling.0;
-                    (index, y, samples * channel.sample_type.bytes_per_sample())
-                })
+/// Channel, row in the picture and bytes of each line of a block, in the order of storage.
+fn line_sizes(
+    bounds: IntegerBounds,
+    header: &Header,
+) -> impl Iterator<Item = (usize, usize, usize)> {
+    let (width, top) = (bounds.size.0, bounds.position.1 as usize);
+    (top..top + bounds.size.1).flat_map(move |y| {
+        let channels = header.channels.list.iter().enumerate();
+        let stored = channels.filter(move |(_, channel)| y % channel.sampling.1 == 0);
+        stored.map(move |(index, channel)| {
+            let samples = width / channel.sampling.0;
+            (index, y, samples * channel.sample_type.bytes_per_sample())
         })
-    }
+    })
+}
 
+impl Block {
     pub(super) fn lines(&self, header: &Header) -> impl Iterator<Item = Line<'_>> {
         let x = self.bounds.position.0 as usize;
         let mut rest = self.bytes.as_slice();
-        self.line_sizes(header)
-            .map_while(move |(channel, y, size)| {
-                let (bytes, after) = rest.split_at_checked(size)?;
-                rest = after;
-                Some(Line {
-                    channel,
-                    x,
-                    y,
-                    bytes,
-                })
+        line_sizes(self.bounds, header).map_while(move |(channel, y, size)| {
+            let bytes = rest.split_off(..size)?;
+            Some(Line {
+                channel,
+                x,
+                y,
+                bytes,
             })
+        })
     }
 }
 
 fn take<'a>(rest: &mut &'a [u8], count: u64) -> Result<&'a [u8], FrameErrorKind> {
     let count = usize::try_from(count).map_err(|_| cut())?;
-    let (taken, after) = rest.split_at_checked(count).ok_or_else(cut)?;
-    *rest = after;
-    Ok(taken)
+    rest.split_off(..count).ok_or_else(cut)
 }
 
 fn take_i32(rest: &mut &[u8]) -> Result<i32, FrameErrorKind> {

@@ -71,9 +71,8 @@ impl Graph {
         let values = self.model.run(inputs, &ids, Some(options));
         let values = values.map_err(|error| failed(&error))?.into_iter();
         let named = self.outputs.iter().zip(values);
-        named
-            .map(|((name, _), value)| pooled(name, value))
-            .collect()
+        let pooled = named.map(|((name, _), value)| pooled(name, value));
+        pooled.collect()
     }
 }
 
@@ -106,20 +105,15 @@ fn chosen(model: &Model, names: &[String]) -> Result<Vec<(String, NodeId)>, Erro
         (name.unwrap_or_default().to_owned(), *id)
     };
     let all: Vec<(String, NodeId)> = model.output_ids().iter().map(named).collect();
-    let mut chosen: Vec<(String, NodeId)> = Vec::new();
-    let wanted = names.iter().map(|name| {
-        let found = all.iter().find(|(other, _)| other == name);
-        found.ok_or(name)
-    });
-    let wanted: Vec<_> = if names.is_empty() {
-        all.iter().map(Ok).collect()
-    } else {
-        wanted.collect()
+    let wanted: Vec<&String> = match names {
+        [] => all.iter().map(|(name, _)| name).collect(),
+        names => names.iter().collect(),
     };
-    for output in wanted {
-        match output {
-            Ok(output) if !chosen.contains(output) => chosen.push(output.clone()),
-            Ok((name, _)) | Err(name) => {
+    let mut chosen: Vec<(String, NodeId)> = Vec::new();
+    for name in wanted {
+        match all.iter().find(|(other, _)| other == name) {
+            Some(output) if !chosen.contains(output) => chosen.push(output.clone()),
+            _ => {
                 let all: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
                 let expected = format!("each once of {}", all.join(", "));
                 return Err(ErrorKind::input("outputs", format!("`{name}`"), expected));

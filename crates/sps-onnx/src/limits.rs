@@ -57,11 +57,8 @@ pub(crate) fn check(bytes: &[u8]) -> Result<(), String> {
     if walk.nodes.is_empty() {
         return Err("not an ONNX file: found no operator".to_owned());
     }
-    for node in walk
-        .nodes
-        .iter()
-        .filter(|node| !NOT_ENLARGING.contains(&node.name))
-    {
+    let nodes = walk.nodes.iter();
+    for node in nodes.filter(|node| !NOT_ENLARGING.contains(&node.name)) {
         let large = node.inputs.iter().filter_map(|input| walk.large.get(input));
         let largest = large.fold(node.largest, |largest, number| largest.max(*number));
         if largest > LARGEST {
@@ -192,18 +189,11 @@ impl<'a> Part<'a> {
 
     /// Adds the numbers of a tensor of i32 or i64.
     fn add_raw(&mut self) {
-        let raw = self.raw;
+        let words = self.raw.as_chunks().0.iter();
+        let long_words = self.raw.as_chunks().0.iter();
         match self.kind {
-            6 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| self.add(i32::from_le_bytes(*b).into())),
-            7 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| self.add(i64::from_le_bytes(*b))),
+            6 => words.for_each(|word| self.add(i32::from_le_bytes(*word).into())),
+            7 => long_words.for_each(|word| self.add(i64::from_le_bytes(*word))),
             _ => {}
         }
     }

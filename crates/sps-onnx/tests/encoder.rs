@@ -62,33 +62,22 @@ fn outputs_are_those_of_pytorch_averaged() {
 
 #[test]
 fn settings_and_images_that_do_not_fit_are_refused() {
-    let said = |settings, parts: &[&str]| {
+    let said = |change: fn(&mut Settings), parts: &[&str]| {
+        let mut settings = Settings::default();
+        change(&mut settings);
         let message = with(settings).unwrap_err();
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     };
-    let default = Settings::default();
-    for outputs in [vec!["tokns".to_owned()], vec!["map".to_owned(); 2]] {
-        let parts = [
-            "tiny.onnx: outputs: found `",
-            "each once of pooled, tokens, map",
-        ];
-        let settings = Settings {
-            outputs,
-            ..default.clone()
-        };
-        said(settings, &parts);
-    }
-    let settings = Settings {
-        size: Some(17),
-        ..default.clone()
-    };
-    said(settings, &["size: found 17, expected the file's, 16"]);
-    let settings = Settings {
-        std: [0.0; 3],
-        ..default.clone()
-    };
-    said(settings, &["mean and std", "above 0"]);
-    let encoder = with(default).unwrap();
+    let names = [
+        "tiny.onnx: outputs: found `",
+        "each once of pooled, tokens, map",
+    ];
+    said(|s| s.outputs = vec!["tokns".to_owned()], &names);
+    said(|s| s.outputs = vec!["map".to_owned(); 2], &names);
+    let own = "size: found 17, expected the file's, 16";
+    said(|s| s.size = Some(17), &[own]);
+    said(|s| s.std = [0.0; 3], &["mean and std", "above 0"]);
+    let encoder = with(Settings::default()).unwrap();
     for size in [[15, 64], [20, 17]] {
         let error = encoder.embed(&[&image()], size).unwrap_err().to_string();
         assert!(error.contains("sides of at least 16"), "{error}");

@@ -1,6 +1,6 @@
 //! Arguments that numpy can make arrays of.
 
-use numpy::{AllowTypeChange, PyArray1, PyArrayLike1, PyArrayMethods};
+use numpy::{AllowTypeChange, PyArrayLike1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -31,13 +31,11 @@ impl<'py> FromPyObject<'_, 'py> for Labels {
             let found = format!("labels of {dimensions} dimensions, expected one");
             return Err(PyValueError::new_err(found));
         }
-        let (_, numbers): (Bound<'py, PyAny>, Bound<'py, PyAny>) = numpy
-            .call_method1("unique", (labels, false, true))?
-            .extract()?;
-        let numbers = numbers.cast_into::<PyArray1<isize>>()?;
-        let numbers = numbers.try_readonly()?;
+        let unique = numpy.call_method1("unique", (labels, false, true))?;
+        let numbers: PyArrayLike1<'py, isize> = unique.get_item(1)?.extract()?;
+        let numbers = numbers.as_array();
         Ok(Self(
-            numbers.as_array().iter().map(|&n| n as usize).collect(),
+            numbers.iter().map(|&number| number as usize).collect(),
         ))
     }
 }

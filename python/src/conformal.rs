@@ -110,7 +110,7 @@ impl GroupConformal {
 #[pymethods]
 impl Coverage {
     fn __repr__(&self) -> String {
-        shown!(Coverage, self, covered, samples, fraction, mean_width)
+        shown!(Coverage, self, covered samples fraction mean_width)
     }
 }
 

@@ -119,10 +119,9 @@ impl Dataset {
     /// Raises OSError where one is missing.
     #[getter]
     fn photographs(&self) -> Raises<Vec<Vec<PathBuf>>> {
-        let views = 0..self.folder.view_angles().len();
+        let views = self.folder.view_angles().len();
         let of_surface = |surface| {
-            let files = views.clone();
-            let files = files.map(|view| Ok(self.folder.frame_path(surface, view)?));
+            let files = (0..views).map(|view| Ok(self.folder.frame_path(surface, view)?));
             files.collect()
         };
         (0..self.__len__()).map(of_surface).collect()
@@ -230,12 +229,11 @@ fn listed(
             "{what}: found those of {found} surfaces, expected {expected}, one for each row of values"
         );
     }
+    let group = |at: usize| Some(format!("group-{}", groups.as_ref()?[at]));
     let mut files = files.into_iter();
     let listed = surfaces.counts.iter().zip(rows).enumerate();
     let listed = listed.map(|(at, (&count, values))| Listed {
-        group: groups
-            .as_ref()
-            .map(|groups| format!("group-{}", groups[at])),
+        group: group(at),
         material: materials.as_ref().map(|materials| materials[at].clone()),
         photographs: files.by_ref().take(count).collect(),
         values,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,6 +14,7 @@ use sps_models::weights::Weights;
 
 use crate::errors::Raises;
 use crate::images::{self, Image, embed_each, frames, write};
+use crate::settings::{json, python};
 
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
@@ -39,7 +40,7 @@ pub(crate) struct Encoder {
 impl Encoder {
     #[new]
     #[pyo3(
-        signature = (name, weights, precision = "f32", depths = Words::Word("all".to_owned())),
+        signature = (name, weights, precision = "f32", depths = None),
         text_signature = "(name, weights, precision='f32', depths='all')"
     )]
     fn new(
@@ -47,9 +48,13 @@ impl Encoder {
         name: &str,
         weights: PathBuf,
         precision: &str,
-        depths: Words,
+        depths: Option<&Bound<'_, PyAny>>,
     ) -> Raises<Self> {
-        let depths = depths.read()?;
+        let depths = match depths.map(|depths| (depths, depths.extract::<Vec<String>>())) {
+            None => Depths::All,
+            Some((_, Ok(names))) => Depths::Named(names),
+            Some((word, Err(_))) => serde_json::from_value(json(word)?).context("depths")?,
+        };
         let network = py.detach(|| network(name, &weights, precision, &depths))?;
         Ok(Self { network, weights })
     }
@@ -124,18 +129,14 @@ impl Encoder {
     }
 
     /// What a copy is made of, such as another process's.
-    fn __getnewargs__(&self) -> (&'static str, PathBuf, &'static str, Words) {
-        let depths = Words::of(self.network.depths());
-        (self.name(), self.weights.clone(), self.precision(), depths)
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> Raises<Arguments<'py>> {
+        let depths = python(py, &self.depths())?;
+        Ok((self.name(), self.weights.clone(), self.precision(), depths))
     }
 
     fn __repr__(&self) -> String {
         let (name, precision) = (self.name(), self.precision());
-        let weights = self.weights.display();
-        let depths = match Words::of(self.network.depths()) {
-            Words::Word(word) => format!("{word:?}"),
-            Words::Names(names) => format!("{names:?}"),
-        };
+        let (weights, depths) = (self.weights.display(), self.depths());
         format!("Encoder({name:?}, \"{weights}\", precision={precision:?}, depths={depths})")
     }
 }
@@ -144,9 +145,8 @@ impl Encoder {
 /// and whether its weights are built-in.
 #[pyfunction]
 pub(crate) fn list_encoders(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let of_images = EncoderKind::ALL
-        .into_iter()
-        .filter(|kind| !kind.takes_sequences());
+    let kinds = EncoderKind::ALL.into_iter();
+    let of_images = kinds.filter(|kind| !kind.takes_sequences());
     let listed = of_images.map(|kind| {
         let depths = kind.depths().into_iter().map(|block| block.name);
         let listed = PyDict::new(py);
@@ -158,32 +158,8 @@ pub(crate) fn list_encoders(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> 
     listed.collect()
 }
 
-/// Depths as Python has them.
-#[derive(FromPyObject, IntoPyObject)]
-pub(crate) enum Words {
-    Word(String),
-    Names(Vec<String>),
-}
-
-impl Words {
-    fn read(self) -> Result<Depths> {
-        Ok(match self {
-            Self::Word(word) if word == "last" => Depths::Last,
-            Self::Word(word) if word == "all" => Depths::All,
-            Self::Word(word) => {
-                bail!("depths: found {word:?}, expected \"last\", \"all\" or a list of names")
-            }
-            Self::Names(names) => Depths::Named(names),
-        })
-    }
-
-    fn of(depths: &Depths) -> Self {
-        match depths {
-            Depths::Named(names) => Self::Names(names.clone()),
-            word => Self::Word(word.to_string()),
-        }
-    }
-}
+/// What Encoder is called with.
+type Arguments<'py> = (&'static str, PathBuf, &'static str, Bound<'py, PyAny>);
 
 impl Encoder {
     /// The network alone.
@@ -193,17 +169,21 @@ impl Encoder {
 
     /// What a config says of it.
     pub(crate) fn settings(&self) -> Vec<Setting> {
-        let depths: toml::Value = match Words::of(self.network.depths()) {
-            Words::Word(word) => word.into(),
-            Words::Names(names) => names.into(),
-        };
         let weights = self.weights.display().to_string();
         vec![
             Setting::new("encoder.name", self.name()),
             Setting::new("encoder.weights", weights),
             Setting::new("encoder.precision", self.precision()),
-            Setting::new("encoder.depths", depths),
+            Setting::new("encoder.depths", self.depths()),
         ]
+    }
+
+    /// The depths as a config has them.
+    fn depths(&self) -> toml::Value {
+        match self.network.depths() {
+            Depths::Named(names) => names.clone().into(),
+            word => word.to_string().into(),
+        }
     }
 
     /// The pixels of images that are large enough.

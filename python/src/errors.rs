@@ -5,7 +5,9 @@ use std::io;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use sps_dataset::{DatasetError, DatasetErrorKind, FrameError, FrameErrorKind};
+use sps_dataset::{
+    DatasetError, DatasetErrorKind, FrameError, FrameErrorKind, WriteError, WriteErrorKind,
+};
 use sps_estimator::Error as EstimatorError;
 use sps_metrics::{IntervalError, Undefined};
 use sps_models::Error as ModelError;
@@ -82,6 +84,11 @@ fn innermost<'e>(error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static) 
         return source;
     }
     if let Some(DatasetErrorKind::Io(source)) = error.downcast_ref().map(DatasetError::kind) {
+        return source;
+    }
+    if let Some(WriteErrorKind::Io(source) | WriteErrorKind::StorageFull(source)) =
+        error.downcast_ref().map(WriteError::kind)
+    {
         return source;
     }
     match error.downcast_ref().map(FrameError::kind) {

@@ -79,10 +79,8 @@ fn array<'py>(image: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntyped
         return Ok(None);
     }
     let function = if tensor { "from_dlpack" } else { "asarray" };
-    let mut array = image
-        .py()
-        .import("numpy")?
-        .call_method1(function, (image,))?;
+    let numpy = image.py().import("numpy")?;
+    let mut array = numpy.call_method1(function, (image,))?;
     if let Ok((3, _, columns)) = array.getattr("shape")?.extract::<(usize, usize, usize)>()
         && columns != 3
     {

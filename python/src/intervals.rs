@@ -136,10 +136,8 @@ impl Group {
     ) -> Result<Vec<Self>> {
         let samples = truth.len();
         let lengths = estimates.iter().map(|all| ("estimates", all.len()));
-        let labels = [("units", units), ("reruns", reruns)];
-        let labels = labels
-            .iter()
-            .filter_map(|(name, labels)| Some((*name, (*labels)?.0.len())));
+        let labels = [("units", units), ("reruns", reruns)].into_iter();
+        let labels = labels.filter_map(|(name, labels)| Some((name, labels?.0.len())));
         for (name, found) in lengths.chain(labels) {
             ensure!(found == samples, "{found} {name} for {samples} samples");
         }
@@ -185,16 +183,7 @@ impl ScoreInterval {
     }
 
     fn __repr__(&self) -> String {
-        shown!(
-            ScoreInterval,
-            self,
-            estimate,
-            low,
-            high,
-            level,
-            units,
-            reruns
-        )
+        shown!(ScoreInterval, self, estimate low high level units reruns)
     }
 }
 

@@ -10,7 +10,7 @@
 
 /// A value of a class as Python shows it.
 macro_rules! shown {
-    ($class:ident, $value:ident, $($field:ident),+) => {{
+    ($class:ident, $value:ident, $($field:ident)+) => {{
         let fields = [$(format!(concat!(stringify!($field), "={:?}"), $value.$field)),+];
         format!("{}({})", stringify!($class), fields.join(", "))
     }};

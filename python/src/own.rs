@@ -56,10 +56,9 @@ impl Fitted {
     }
 
     fn __repr__(&self) -> String {
-        let r2 = self
-            .r2
-            .map_or_else(|| "None".to_owned(), |r2| format!("{r2:.3}"));
-        format!("Fitted(method={:?}, r2={r2})", self.method)
+        let r2 = self.r2.map(|r2| format!("{r2:.3}"));
+        let (method, r2) = (&self.method, r2.as_deref().unwrap_or("None"));
+        format!("Fitted(method={method:?}, r2={r2})")
     }
 }
 
@@ -121,10 +120,8 @@ pub(crate) fn fit(
             let folder = photographs.extract::<PathBuf>().ok();
             let (folder, scratch) = (folder.as_deref(), scratch.path());
             let file = embeddings::file(embeddings, import.as_ref(), folder, scratch)?;
-            all.push(Setting::new(
-                "encoder.embeddings",
-                file.display().to_string(),
-            ));
+            let file = file.display().to_string();
+            all.push(Setting::new("encoder.embeddings", file));
         }
         (None, encoder) => {
             let resize = resize.unwrap_or(0) as i64;

@@ -89,10 +89,8 @@ impl Run {
 
     fn __repr__(&self) -> String {
         let (name, path) = (&self.results.experiment, self.path.display());
-        format!(
-            "Run(\"{path}\", experiment={name:?}, methods={})",
-            self.results.methods.len()
-        )
+        let methods = self.results.methods.len();
+        format!("Run(\"{path}\", experiment={name:?}, methods={methods})")
     }
 }
 
@@ -131,10 +129,8 @@ pub(crate) fn experiment(
     let mut all = Vec::new();
     if let Some(folder) = dataset {
         all.push(Setting::new("data.from", "folder"));
-        all.push(Setting::new(
-            "data.folder.path",
-            folder.display().to_string(),
-        ));
+        let path = folder.display().to_string();
+        all.push(Setting::new("data.folder.path", path));
     }
     all.extend(self::settings(settings)?);
     let experiment = match config.extract::<PathBuf>() {
@@ -204,14 +200,14 @@ fn object(of: impl Serialize) -> Result<Row> {
 
 /// What a method has of one property.
 fn of_property(method: &Row, code: &str) -> Row {
-    let named = [
-        ("method", method.get("id").cloned()),
-        ("property", Some(code.into())),
-    ];
-    let named = named.map(|(key, value)| (key.to_owned(), value.unwrap_or_default()));
+    let mut row = Row::new();
+    let id = method.get("id").cloned().unwrap_or_default();
+    row.insert("method".to_owned(), id);
+    row.insert("property".to_owned(), code.into());
     let scores = method.iter().filter_map(|(key, value)| {
         let value = value.as_object()?.get(code)?;
         Some((key.clone(), value.clone()))
     });
-    named.into_iter().chain(scores).collect()
+    row.extend(scores);
+    row
 }

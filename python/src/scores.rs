@@ -23,7 +23,7 @@ pub(crate) struct Score {
 #[pymethods]
 impl Score {
     fn __repr__(&self) -> String {
-        shown!(Score, self, value, samples, zero_truths)
+        shown!(Score, self, value samples zero_truths)
     }
 }
 

@@ -35,7 +35,7 @@ pub(crate) struct Selection {
 #[pymethods]
 impl Selection {
     fn __repr__(&self) -> String {
-        shown!(Selection, self, picks, loss, evaluations)
+        shown!(Selection, self, picks loss evaluations)
     }
 }
 
@@ -77,25 +77,23 @@ pub(crate) fn select_views(
     };
     let found = answer_while(py, loss, k, asked, search)?;
     let curve = found.curve.iter();
+    let curve = curve.map(|point| (point.evaluations, point.mean, point.best));
     Ok(Selection {
         picks: found.picks,
         loss: found.loss,
         evaluations: found.evaluations,
         computed: found.computed,
         seconds: found.seconds,
-        curve: curve
-            .map(|point| (point.evaluations, point.mean, point.best))
-            .collect(),
+        curve: curve.collect(),
     })
 }
 
 /// The selector of this name. Settings have the crate's names, with `_` for `-`.
 fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> Result<AnySelector> {
-    let mut values = Map::new();
-    if let Some(settings) = settings {
-        values = serde_json::from_value(json(settings)?)?;
-    }
-    let mut values = Value::Object(values);
+    let mut values = match settings {
+        Some(settings) => json(settings)?,
+        None => Value::Object(Map::new()),
+    };
     kebab_case(&mut values);
     values["kind"] = method.into();
     Ok(serde_json::from_value(values)?)
@@ -103,13 +101,10 @@ fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> Result<AnyS
 
 fn kebab_case(value: &mut Value) {
     if let Value::Object(entries) = value {
-        *entries = std::mem::take(entries)
-            .into_iter()
-            .map(|(key, mut value)| {
-                kebab_case(&mut value);
-                (key.replace('_', "-"), value)
-            })
-            .collect();
+        for (key, mut value) in std::mem::take(entries) {
+            kebab_case(&mut value);
+            entries.insert(key.replace('_', "-"), value);
+        }
     }
 }
 

@@ -102,6 +102,12 @@ def test_what_cannot_be_run(simulated, tmp_path):
         sps.compare(tmp_path, tmp_path)
 
 
+def test_what_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(NotADirectoryError, match="file/.*: cannot be written"):
+        sps.simulate(tmp_path / "file", surfaces=2, views=1, size=32)
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"properties": ["fRS"], "methods": [{}]}'])
 def test_what_are_no_results(tmp_path, text):
     (tmp_path / "results.json").write_text(text)

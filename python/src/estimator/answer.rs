@@ -180,6 +180,6 @@ impl Answer {
 }
 
 /// As Python shows it.
-fn shown(value: Option<f64>) -> String {
+pub(super) fn shown(value: Option<f64>) -> String {
     value.map_or_else(|| "None".to_owned(), |value| format!("{value:?}"))
 }

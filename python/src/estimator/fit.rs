@@ -40,10 +40,8 @@ impl Values {
             properties.len() == columns,
             "properties: found {properties:?}, expected a name for each of {columns} columns"
         );
-        let cells = values
-            .iter()
-            .map(|&value| (!value.is_nan()).then_some(value));
-        let cells: Vec<Option<f64>> = cells.collect();
+        let measured = |&value: &f64| (!value.is_nan()).then_some(value);
+        let cells: Vec<Option<f64>> = values.iter().map(measured).collect();
         Ok(Self {
             properties,
             rows: cells.chunks(columns.max(1)).map(<[_]>::to_vec).collect(),
@@ -51,17 +49,12 @@ impl Values {
     }
 }
 
-/// The same, with what stays whole.
+/// The same, with what stays whole: the groups, or each surface for itself.
 pub(crate) type Felt = (Readings, Units);
 
 pub(crate) fn felt(values: Values, groups: Option<&Bound<'_, PyAny>>) -> Result<Felt> {
     let Values { properties, rows } = values;
-    let units = units(rows.len(), groups)?;
-    Ok((Readings::new(properties, &rows)?, units))
-}
-
-/// What stays whole: the groups, or each surface for itself.
-fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> Result<Units> {
+    let surfaces = rows.len();
     let groups = match groups {
         Some(groups) => numbered(groups)?,
         None => (0..surfaces).collect(),
@@ -77,7 +70,7 @@ fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> Result<Units> {
         group: group.to_string(),
     };
     let surfaces: Vec<Surface> = groups.into_iter().enumerate().map(surface).collect();
-    Ok(Units::of(&surfaces))
+    Ok((Readings::new(properties, &rows)?, Units::of(&surfaces)))
 }
 
 /// Numbers of things that Python can tell apart, in the order in which they come up.
@@ -124,6 +117,46 @@ impl Seen {
             extent: extent.context(NO_PHOTOGRAPH)?,
         })
     }
+
+    /// A model of what was felt by what was seen.
+    pub(crate) fn fit(
+        self,
+        (readings, units): &Felt,
+        regression: Regression,
+        calibration: Calibration,
+        one_by_one: bool,
+        angles: Option<Vec<f64>>,
+        name: &str,
+    ) -> Result<Estimator> {
+        let (surfaces, rows) = (self.embeddings.surfaces(), readings.surfaces());
+        ensure!(
+            surfaces == rows,
+            "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
+        );
+        let views = self.embeddings.views();
+        let about = About {
+            name: name.to_owned(),
+            method: regression.kind().to_owned(),
+            data: format!("photographs of {surfaces} surfaces"),
+            frame_size: [self.extent.height, self.extent.width],
+            angles: angles.unwrap_or_else(|| vec![0.0; views]),
+            ..About::default()
+        };
+        let all: Vec<usize> = (0..views).collect();
+        let recipe = Recipe {
+            one_by_one,
+            ..Recipe::new(regression, readings.properties(), &all, calibration)
+        };
+        let data = TrainingData::new(&self.embeddings, readings);
+        let examples = Examples {
+            data: data.with_units(units.of_surface()),
+            units,
+            encoder_saw: &[],
+        };
+        let all: Vec<usize> = (0..surfaces).collect();
+        let fitted = recipe.fit(&examples, &all, 0)?;
+        Ok(Estimator::new(self.embedder, fitted, about)?)
+    }
 }
 
 const NO_PHOTOGRAPH: &str = "photographs: found none, expected one or several for each surface";
@@ -139,52 +172,4 @@ fn views(counts: &[usize]) -> Result<usize> {
         );
     }
     Ok(views)
-}
-
-/// How to fit, but for what the data say.
-pub(crate) struct Settings {
-    pub(crate) regression: Regression,
-    pub(crate) one_by_one: bool,
-    pub(crate) angles: Option<Vec<f64>>,
-    pub(crate) calibration: Calibration,
-    pub(crate) name: String,
-}
-
-impl Settings {
-    /// A model of what was felt by what was seen.
-    pub(crate) fn fit(self, seen: Seen, (readings, units): &Felt) -> Result<Estimator> {
-        let (surfaces, rows) = (seen.embeddings.surfaces(), readings.surfaces());
-        ensure!(
-            surfaces == rows,
-            "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
-        );
-        let views = seen.embeddings.views();
-        let about = About {
-            name: self.name,
-            method: self.regression.kind().to_owned(),
-            data: format!("photographs of {surfaces} surfaces"),
-            frame_size: [seen.extent.height, seen.extent.width],
-            angles: self.angles.unwrap_or_else(|| vec![0.0; views]),
-            ..About::default()
-        };
-        let all: Vec<usize> = (0..views).collect();
-        let recipe = Recipe {
-            one_by_one: self.one_by_one,
-            ..Recipe::new(
-                self.regression,
-                readings.properties(),
-                &all,
-                self.calibration,
-            )
-        };
-        let data = TrainingData::new(&seen.embeddings, readings);
-        let examples = Examples {
-            data: data.with_units(units.of_surface()),
-            units,
-            encoder_saw: &[],
-        };
-        let all: Vec<usize> = (0..surfaces).collect();
-        let fitted = recipe.fit(&examples, &all, 0)?;
-        Ok(Estimator::new(seen.embedder, fitted, about)?)
-    }
 }

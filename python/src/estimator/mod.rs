@@ -20,7 +20,7 @@ use sps_metrics::Level;
 use tempfile::TempDir;
 
 pub(crate) use self::answer::{Answer, Answers, Estimate};
-use self::fit::{Seen, Settings, felt};
+use self::fit::{Seen, felt};
 pub(crate) use self::fit::{Values, numbered};
 pub(crate) use self::photographs::Surfaces;
 use self::photographs::{Reader, Scale};
@@ -112,16 +112,11 @@ impl Estimator {
         one_by_one: bool,
         name: &str,
     ) -> Raises<Self> {
-        let settings = Settings {
-            regression: self::regression(regression)?,
-            one_by_one,
-            angles,
-            calibration: Calibration {
-                share: calibration,
-                level: Level::new(level)?,
-                seed,
-            },
-            name: name.to_owned(),
+        let regression = self::regression(regression)?;
+        let calibration = Calibration {
+            share: calibration,
+            level: Level::new(level)?,
+            seed,
         };
         let felt = felt(Values::new(&values, properties)?, groups)?;
         let encoder = match encoder {
@@ -129,7 +124,8 @@ impl Estimator {
             None => py.detach(built_in)?,
         };
         let seen = Seen::new(photographs, &encoder, resize)?;
-        Ok(Self::of(py.detach(|| settings.fit(seen, &felt))?))
+        let fit = || seen.fit(&felt, regression, calibration, one_by_one, angles, name);
+        Ok(Self::of(py.detach(fit)?))
     }
 
     /// Writes the model into a folder, which is created where it is not there.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use sps_estimator::Scale as Brought;
 
-use super::answer::Answer;
+use super::answer::{Answer, shown};
 use super::photographs::{Reader, Scale};
 use crate::errors::Raises;
 use crate::images::Image;
@@ -86,8 +86,7 @@ impl Session {
 impl Looked {
     fn __repr__(&self) -> String {
         let (views, answer) = (self.views, self.answer.__repr__());
-        let next = self.next_angle;
-        let next = next.map_or_else(|| "None".to_owned(), |angle| format!("{angle:?}"));
+        let next = shown(self.next_angle);
         format!("Looked(views={views}, answer={answer}, next_angle={next})")
     }
 }

@@ -67,11 +67,7 @@ impl RawTensor {
 ///
 /// Bytes of no such format, elements of another type, a value that is not finite as f32.
 pub fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
-    let tensors = if pytorch::is(bytes) {
-        pytorch::read(bytes)?
-    } else {
-        safetensors::read(bytes)?
-    };
+    let tensors = pytorch::read(bytes).unwrap_or_else(|| safetensors::read(bytes))?;
     for (name, tensor) in &tensors {
         tensor.check(name)?;
     }

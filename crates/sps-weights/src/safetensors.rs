@@ -62,11 +62,10 @@ impl View for Stored {
 
     fn data(&self) -> Cow<'_, [u8]> {
         let values = self.tensor.values.iter();
+        let half = |&v: &f32| f16::from_f32(v).to_le_bytes();
         match self.storage {
             Storage::F32 => values.flat_map(|v| v.to_le_bytes()).collect(),
-            Storage::F16 => values
-                .flat_map(|&v| f16::from_f32(v).to_le_bytes())
-                .collect(),
+            Storage::F16 => values.flat_map(half).collect(),
         }
     }
 

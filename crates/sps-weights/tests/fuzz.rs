@@ -16,9 +16,8 @@ fn read_weights(bytes: &[u8]) {
     for (name, tensor) in &tensors {
         assert!(tensor.values.iter().all(|v| v.is_finite()), "{name}");
     }
-    let named = tensors
-        .iter()
-        .map(|(name, tensor)| (&name[..], tensor.clone()));
+    let named = tensors.iter();
+    let named = named.map(|(name, tensor)| (&name[..], tensor.clone()));
     let again = sps_weights::write(named, Storage::F32, None).unwrap();
     assert_eq!(read(&again).unwrap().len(), tensors.len());
 }
@@ -63,15 +62,15 @@ fn pytorch_pickles() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/pytorch");
     let bytes = std::fs::read(folder.join("zip.pth")).unwrap();
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
-    let files: Vec<(String, Vec<u8>)> = (0..archive.len())
-        .map(|index| {
-            let mut file = archive.by_index(index).unwrap();
-            let name = file.name().unwrap().into_owned();
-            let mut content = Vec::new();
-            std::io::Read::read_to_end(&mut file, &mut content).unwrap();
-            (name, content)
-        })
-        .collect();
+    let count = archive.len();
+    let file = |index| {
+        let mut file = archive.by_index(index).unwrap();
+        let name = file.name().unwrap().into_owned();
+        let mut content = Vec::new();
+        std::io::Read::read_to_end(&mut file, &mut content).unwrap();
+        (name, content)
+    };
+    let files: Vec<(String, Vec<u8>)> = (0..count).map(file).collect();
     fuzz("pickle of a pth", &Damage::some(), |damages| {
         let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
         let stored = zip::write::SimpleFileOptions::default()

@@ -11,17 +11,12 @@ use crate::safetensors::to_f32;
 use crate::{RawTensor, WeightsErrorKind};
 use value::{Heap, Storage, Value, View, tensors};
 
-/// Whether the bytes begin as one of the formats does.
-pub(super) fn is(bytes: &[u8]) -> bool {
-    zip::is(bytes) || stream::is(bytes)
-}
-
-/// Every tensor of such a file, its elements as f32.
-pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
+/// Every tensor of such a file, its elements as f32; `None` where the bytes begin as neither format does.
+pub(super) fn read(bytes: &[u8]) -> Option<Result<Vec<(String, RawTensor)>, WeightsErrorKind>> {
     if zip::is(bytes) {
-        return zip::read(bytes);
+        return Some(zip::read(bytes));
     }
-    stream::read(bytes)
+    stream::is(bytes).then(|| stream::read(bytes))
 }
 
 /// Copies a dictionary's tensors out of the storages, whose bytes are given by key.
@@ -43,27 +38,17 @@ fn gather<'a>(
     let tensor = |(name, view): (&str, &View)| {
         let storage = &heap.storages()[view.storage];
         let bytes = bytes(storage).unwrap_or_default();
-        Ok((name.to_owned(), tensor(name, view, storage, bytes)?))
+        let Storage { key, element, len } = storage;
+        if Some(bytes.len()) != storage.bytes() {
+            let expected = format_args!("{} bytes, expected {len} {element:?}", bytes.len());
+            let message = format!("storage {key:?} of tensor {name:?} has {expected}");
+            return Err(WeightsErrorKind::Format(message));
+        }
+        let values = to_f32(name, *element, bytes, view.places())?;
+        let shape = view.shape.clone();
+        Ok((name.to_owned(), RawTensor { shape, values }))
     };
     views.into_iter().map(tensor).collect()
-}
-
-fn tensor(
-    name: &str,
-    view: &View,
-    storage: &Storage,
-    bytes: &[u8],
-) -> Result<RawTensor, WeightsErrorKind> {
-    let Storage { key, element, len } = storage;
-    if Some(bytes.len()) != storage.bytes() {
-        let expected = format_args!("{} bytes, expected {len} {element:?}", bytes.len());
-        let message = format!("storage {key:?} of tensor {name:?} has {expected}");
-        return Err(WeightsErrorKind::Format(message));
-    }
-    Ok(RawTensor {
-        shape: view.shape.clone(),
-        values: to_f32(name, *element, bytes, view.places())?,
-    })
 }
 
 fn not_little_endian() -> WeightsErrorKind {

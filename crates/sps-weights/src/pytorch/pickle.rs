@@ -35,9 +35,8 @@ pub(super) fn run(
         let offset = machine.at;
         let step = machine.step().and_then(|last| {
             let held = machine.stack.len() + machine.memo.len() + machine.heap.values();
-            let few = held <= MOST_VALUES;
-            few.then_some(last)
-                .ok_or_else(|| format!("more than {MOST_VALUES} values"))
+            let many = || format!("more than {MOST_VALUES} values");
+            (held <= MOST_VALUES).then_some(last).ok_or_else(many)
         });
         let refused = |found| WeightsErrorKind::Pickle { offset, found };
         if let Some(value) = step.map_err(refused)? {
@@ -201,9 +200,8 @@ impl<'a> Machine<'a> {
     fn text(&mut self, bytes: usize) -> Parsed<Value> {
         let len = self.unsigned(bytes)?;
         let text = std::str::from_utf8(self.take(len as usize)?);
-        Ok(self
-            .heap
-            .text(text.map_err(|_| "a text that is not UTF-8")?))
+        let text = text.map_err(|_| "a text that is not UTF-8")?;
+        Ok(self.heap.text(text))
     }
 
     fn set(&mut self, marked: bool) -> Parsed<()> {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::value::{Heap, Value};
-use super::{is, pickle, read};
+use super::{pickle, read};
 use crate::{Storage, WeightsErrorKind};
 
 fn fixture(name: &str) -> Vec<u8> {
@@ -18,11 +18,9 @@ fn fixture(name: &str) -> Vec<u8> {
 fn expected() -> BTreeMap<&'static str, (Vec<usize>, Vec<f32>)> {
     let base: Vec<f32> = (0..24_u8).map(f32::from).collect();
     let transposed = (0..24).map(|i| base[i % 4 * 6 + i / 4]).collect();
+    let whole = base.iter().map(|v| v / 8.0).collect();
     BTreeMap::from([
-        (
-            "whole",
-            (vec![2, 3, 4], base.iter().map(|v| v / 8.0).collect()),
-        ),
+        ("whole", (vec![2, 3, 4], whole)),
         ("transposed", (vec![6, 4], transposed)),
         ("slice", (vec![6], base[5..11].to_vec())),
         ("half", (vec![2], vec![1.5, -2.25])),
@@ -36,29 +34,20 @@ fn expected() -> BTreeMap<&'static str, (Vec<usize>, Vec<f32>)> {
 #[test]
 fn both_formats_hold_what_pytorch_saved() {
     for file in ["zip.pth", "stream.pth"] {
-        let tensors = read(&fixture(file)).unwrap();
+        let tensors = crate::read(&fixture(file)).unwrap();
         let expected = expected();
-        assert_eq!(tensors.len(), expected.len());
-        for (name, tensor) in tensors {
+        assert_eq!((tensors.len(), expected.len()), (8, 8));
+        for (name, tensor) in &tensors {
             let (shape, values) = &expected[name.as_str()];
             assert_eq!((&tensor.shape, &tensor.values), (shape, values), "{name}");
         }
-    }
-}
-
-#[test]
-fn the_content_tells_the_format() {
-    for file in ["zip.pth", "stream.pth"] {
-        let tensors = crate::read(&fixture(file)).unwrap();
-        assert_eq!(tensors.len(), 8);
-        let named = tensors
-            .iter()
-            .map(|(name, tensor)| (&name[..], tensor.clone()));
+        let named = tensors.iter();
+        let named = named.map(|(name, tensor)| (&name[..], tensor.clone()));
         let again = crate::write(named, Storage::F32, None).unwrap();
         assert_eq!(crate::read(&again).unwrap().len(), 8);
     }
-    assert!(!is(b""));
-    assert!(!is(b"\x80\x02}q\x00."));
+    assert!(read(b"").is_none());
+    assert!(read(b"\x80\x02}q\x00.").is_none());
 }
 
 #[test]
@@ -80,32 +69,21 @@ mod hard_cases {
     }
 
     /// A pickle is refused: where, and in what words.
-    fn refused(pickle: &[u8], offset: usize, found: &str) {
-        match run(pickle) {
-            Err(WeightsErrorKind::Pickle {
-                offset: at,
-                found: said,
-            }) => {
-                assert_eq!((at, said.as_str()), (offset, found));
-            }
-            other => panic!("{other:?}"),
-        }
+    fn refused(pickle: &[u8], at: usize, expected: &str) {
+        let Err(WeightsErrorKind::Pickle { offset, found }) = run(pickle) else {
+            panic!("not refused");
+        };
+        assert_eq!((offset, found.as_str()), (at, expected));
     }
 
     #[test]
     fn names_outside_of_the_list() {
-        refused(
-            b"\x80\x02cos\nsystem\nX\x02\0\0\0id\x85R.",
-            2,
-            "global os.system",
-        );
+        let call = b"\x80\x02cos\nsystem\nX\x02\0\0\0id\x85R.";
+        refused(call, 2, "global os.system");
         refused(b"\x80\x02cbuiltins\neval\n.", 2, "global builtins.eval");
         refused(b"ctorch\nload\n.", 0, "global torch.load");
-        refused(
-            b"ctorch.storage\nFloatStorage\n.",
-            0,
-            "global torch.storage.FloatStorage",
-        );
+        let elsewhere = b"ctorch.storage\nFloatStorage\n.";
+        refused(elsewhere, 0, "global torch.storage.FloatStorage");
         let stacked = b"\x80\x04\x8c\x05posix\x8c\x06system\x93.";
         refused(stacked, 17, "global posix.system");
         refused(b"cos", 0, "a line that does not end");
@@ -129,24 +107,15 @@ mod hard_cases {
     #[test]
     fn calls_of_what_may_not_be_called() {
         refused(b"N)R.", 2, "a call of what is no global");
-        refused(
-            b"ccollections\nOrderedDict\nNR.",
-            26,
-            "a call without a tuple of arguments",
-        );
+        let dictionary = b"ccollections\nOrderedDict\nNR.";
+        refused(dictionary, 26, "a call without a tuple of arguments");
         let tensor = b"ctorch._utils\n_rebuild_tensor_v2\n)R.";
         refused(tensor, 34, "a call of RebuildTensor with other arguments");
         let tensor = b"ctorch._utils\n_rebuild_tensor_v2\n(NNNNtR.";
-        refused(
-            tensor,
-            39,
-            "a tensor of what is no storage, shape and strides",
-        );
-        refused(
-            b"ctorch\nFloatStorage\n)R.",
-            21,
-            "a call of Storage(F32) with other arguments",
-        );
+        let expected = "a tensor of what is no storage, shape and strides";
+        refused(tensor, 39, expected);
+        let expected = "a call of Storage(F32) with other arguments";
+        refused(b"ctorch\nFloatStorage\n)R.", 21, expected);
         refused(b"}N)b.", 3, "a state for what is no dictionary");
         refused(b"}q\0N}sb.", 5, "a key that is no text");
     }
@@ -165,11 +134,8 @@ mod hard_cases {
 
     #[test]
     fn sizes_beyond_the_file() {
-        refused(
-            b"X\xff\xff\xff\xffa.",
-            0,
-            "4294967295 bytes where 2 are left",
-        );
+        let expected = "4294967295 bytes where 2 are left";
+        refused(b"X\xff\xff\xff\xffa.", 0, expected);
         refused(b"\x8a\xff\x01.", 0, "an integer of 255 bytes");
         refused(b"\x8c\x01\xff.", 0, "a text that is not UTF-8");
         // A memo number of four billion takes one entry.
@@ -198,12 +164,8 @@ mod hard_cases {
         assert!(run(&view(b"K\x09", b"K\0K\x03\x86", b"K\x03K\x01\x86")).is_ok());
         let huge: &[u8] = b"J\xff\xff\xff\x7fJ\xff\xff\xff\x7fJ\xff\xff\xff\x7f\x87";
         let no_elements: &[u8] = b"(J\xff\xff\xff\x7fJ\xff\xff\xff\x7fJ\xff\xff\xff\x7fK\0t";
-        for (offset, shape, strides) in [
-            (
-                &b"K\x01"[..],
-                &b"K\x02K\x03\x86"[..],
-                &b"K\x03K\x01\x86"[..],
-            ),
+        let views: [(&[u8], &[u8], &[u8]); 8] = [
+            (b"K\x01", b"K\x02K\x03\x86", b"K\x03K\x01\x86"),
             (b"K\0", b"K\x07\x85", b"K\0\x85"),
             (b"K\0", b"K\x02\x85", b"K\x01K\x01\x86"),
             (b"K\0", huge, b"K\0K\0K\0\x87"),
@@ -212,7 +174,8 @@ mod hard_cases {
             (b"K\0", no_elements, no_elements),
             (b"J\xff\xff\xff\xff", b"K\x02\x85", b"K\x01\x85"),
             (b"K\0", b"J\xff\xff\xff\xff\x85", b"K\x01\x85"),
-        ] {
+        ];
+        for (offset, shape, strides) in views {
             let error = run(&view(offset, shape, strides)).unwrap_err();
             assert!(matches!(error, WeightsErrorKind::Pickle { .. }));
         }
@@ -239,9 +202,8 @@ mod hard_cases {
         // A list is one value, and one more on the stack; so is a text, and a dictionary's entry.
         refused(&vec![b']'; 4 << 20], 1_050_000, most);
         refused(&b"\x8c\0".repeat(2 << 20), 2_100_000, most);
-        let memo: Vec<u8> = (0..1_u32 << 19)
-            .flat_map(|at| [&b"]r"[..], &at.to_le_bytes()].concat())
-            .collect();
+        let list = |at: u32| [&b"]r"[..], &at.to_le_bytes()].concat();
+        let memo: Vec<u8> = (0..1 << 19).flat_map(list).collect();
         assert!(run(&[&memo[..], b"."].concat()).is_ok());
         refused(&[&memo[..], &vec![b'}'; 1 << 19]].concat(), 3_409_296, most);
     }
@@ -317,21 +279,6 @@ mod hard_cases {
     }
 
     proptest! {
-        /// Whatever the bytes, an error or tensors; no panic.
-        #[test]
-        fn broken_files(
-            at in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
-        ) {
-            for file in ["zip.pth", "stream.pth"] {
-                let mut bytes = fixture(file);
-                for (index, value) in &at {
-                    let index = index.index(bytes.len());
-                    bytes[index] = *value;
-                }
-                let _ = crate::read(&bytes);
-            }
-        }
-
         #[test]
         fn programs_of_known_opcodes(
             opcodes in proptest::collection::vec(

@@ -226,18 +226,8 @@ impl Heap {
             (Global::OrderedDict, []) => Ok(self.dictionary()),
             (Global::OrderedDict, &[Value::List(pairs)]) => self.ordered(pairs),
             (Global::Size, &[Value::Tuple(size)]) => Ok(Value::Tuple(size)),
-            (
-                Global::RebuildTensor,
-                &[
-                    Value::Storage(storage),
-                    offset,
-                    Value::Tuple(shape),
-                    Value::Tuple(strides),
-                    ..,
-                ],
-            ) => self.tensor(storage, offset, shape, strides),
-            (Global::RebuildTensor, [_, _, _, _, ..]) => {
-                Err("a tensor of what is no storage, shape and strides".to_owned())
+            (Global::RebuildTensor, &[storage, offset, shape, strides, ..]) => {
+                self.tensor([storage, offset, shape, strides])
             }
             (Global::RebuildParameter, &[Value::Tensor(tensor), ..]) => Ok(Value::Tensor(tensor)),
             _ => Err(format!("a call of {global:?} with other arguments")),
@@ -262,19 +252,17 @@ impl Heap {
         Ok(all)
     }
 
-    fn tensor(
-        &mut self,
-        storage: usize,
-        offset: Value,
-        shape: usize,
-        strides: usize,
-    ) -> Result<Value, String> {
+    fn tensor(&mut self, [storage, offset, shape, strides]: [Value; 4]) -> Result<Value, String> {
+        let (Value::Storage(storage), Value::Tuple(shape), Value::Tuple(strides)) =
+            (storage, shape, strides)
+        else {
+            return Err("a tensor of what is no storage, shape and strides".to_owned());
+        };
         let numbers = |tuple: usize| {
             let (items, axes) = (self.items(tuple).iter(), self.items(tuple).len());
             if axes > MOST_AXES {
-                return Err(format!(
-                    "a tensor of {axes} axes, expected at most {MOST_AXES}"
-                ));
+                let many = format!("a tensor of {axes} axes, expected at most {MOST_AXES}");
+                return Err(many);
             }
             items.copied().map(natural).collect()
         };
@@ -335,22 +323,17 @@ impl View {
 
 /// A name, which is copied wherever it is used.
 fn short(name: &str) -> Result<&str, String> {
-    match name.len() {
-        ..=LONGEST_NAME => Ok(name),
-        len => Err(format!(
-            "a name of {len} bytes, expected at most {LONGEST_NAME}"
-        )),
-    }
+    let len = name.len();
+    let long = || format!("a name of {len} bytes, expected at most {LONGEST_NAME}");
+    (len <= LONGEST_NAME).then_some(name).ok_or_else(long)
 }
 
 /// A count, an extent or an offset.
 fn natural(value: Value) -> Result<usize, String> {
-    match value {
-        Value::Int(value) => {
-            usize::try_from(value).map_err(|_| format!("{value} where a count must be"))
-        }
-        _ => Err("no number where a count must be".to_owned()),
-    }
+    let Value::Int(value) = value else {
+        return Err("no number where a count must be".to_owned());
+    };
+    usize::try_from(value).map_err(|_| format!("{value} where a count must be"))
 }
 
 /// The tensors of a dictionary, in the order they were put in.

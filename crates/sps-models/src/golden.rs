@@ -1,6 +1,7 @@
 //! Tensors as the scripts in `fixtures/golden` fill them, the files they wrote, and how far results are off.
 
 use std::collections::HashMap;
+use std::fmt::Display;
 use std::path::PathBuf;
 
 use candle_core::{DType, Device, Tensor};
@@ -107,6 +108,13 @@ pub(crate) fn cross_modal(generator: GeneratorLoss) -> Model {
             labels: LabelSource::Material {},
         }),
     })
+}
+
+/// There is no outcome, for a reason with `expected` in it.
+#[track_caller]
+pub(crate) fn refused<T>(outcome: Result<T, impl Display>, expected: &str) {
+    let message = outcome.err().map(|error| error.to_string()).unwrap();
+    assert!(message.contains(expected), "{message}");
 }
 
 /// What `run` gives on so many threads.

@@ -24,15 +24,10 @@ pub(super) fn check_pixels(
     let misfit = images.iter().find(|image| Some(image.len()) != len);
     if first == 0 || misfit.is_some() || height.min(width) < min {
         let values = misfit.map_or(first, |image| image.len());
-        return Err(Error::input(
-            "pixels",
-            format_args!(
-                "{} images, one of {values} values for {:?}",
-                images.len(),
-                [height, width]
-            ),
-            format_args!("images of three values a pixel, sides of at least {min}"),
-        ));
+        let (count, size) = (images.len(), [height, width]);
+        let found = format_args!("{count} images, one of {values} values for {size:?}");
+        let expected = format_args!("images of three values a pixel, sides of at least {min}");
+        return Err(Error::input("pixels", found, expected));
     }
     Ok([frames, height, width])
 }
@@ -48,21 +43,17 @@ pub(super) fn check(network: &Network, images: &Tensor) -> Result<Size> {
     let fits = images.elem_count() > 0 && size[1].min(size[2]) >= min;
     if !fits || images.dtype() != DType::F32 {
         let frames = if network.sequences { "frames, " } else { "" };
-        return Err(Error::input(
-            "images",
-            format_args!("{:?} of {:?}", images.dims(), images.dtype()),
-            format_args!(
-                "(n, 3, {frames}height, width) of F32, none of them 0, sides of at least {min}"
-            ),
-        ));
+        let found = format_args!("{:?} of {:?}", images.dims(), images.dtype());
+        let expected = format!(
+            "(n, 3, {frames}height, width) of F32, none of them 0, sides of at least {min}"
+        );
+        return Err(Error::input("images", found, expected));
     }
     // The kernels have no gradient for images; one that is asked for is not left out silently.
     if images.track_op() {
-        return Err(Error::input(
-            "images",
-            "a variable, or computed from one",
-            "constants: `Tensor::detach` gives them",
-        ));
+        let found = "a variable, or computed from one";
+        let expected = "constants: `Tensor::detach` gives them";
+        return Err(Error::input("images", found, expected));
     }
     Ok(size)
 }

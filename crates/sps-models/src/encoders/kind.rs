@@ -182,12 +182,11 @@ impl FromStr for EncoderKind {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == name)
-            .ok_or_else(|| Error::UnknownEncoder {
-                found: name.to_owned(),
-                expected: Self::ALL.map(Self::name).join(", "),
-            })
+        let unknown = || Error::UnknownEncoder {
+            found: name.to_owned(),
+            expected: Self::ALL.map(Self::name).join(", "),
+        };
+        let mut all = Self::ALL.into_iter();
+        all.find(|kind| kind.name() == name).ok_or_else(unknown)
     }
 }

@@ -116,11 +116,9 @@ impl Encoder {
             }
         }
         if drawn.len() == specs.len() {
-            return Err(Error::input(
-                "weights to start from",
-                format_args!("{}, no tensor of which {kind} has", weights.origin()),
-                "tensors with the names and shapes of the network's",
-            ));
+            let found = format_args!("{}, no tensor of which {kind} has", weights.origin());
+            let expected = "tensors with the names and shapes of the network's";
+            return Err(Error::input("weights to start from", found, expected));
         }
         Ok((Self::new(kind, start)?, drawn))
     }
@@ -222,14 +220,14 @@ impl Encoder {
         let values = images.iter().map(values).collect::<Result<Vec<_>>>()?;
         let each = values.iter();
         let each: Vec<_> = each.map(|(size, all)| Images::each(all, *size)).collect();
-        let batches = each.iter().zip(&values);
-        let batches = batches.map(|(images, (size, _))| {
+        let batches = each.iter().zip(&values).map(|(images, (size, _))| {
             Images::new(images, Order::Planes, *size, network.normalisation)
         });
         let batches = batches.collect::<Result<Vec<_>, _>>()?;
         let scales = calibrate(&network, &self.weights, &batches, Level::detect())?;
-        self.weights
-            .replace(scales::TENSOR, scales::tensor(&scales)?);
+        let rows: Vec<f32> = scales.iter().flat_map(|s| [s.step, s.zero]).collect();
+        let rows = Tensor::from_vec(rows, (scales.len(), 2), &Device::Cpu)?;
+        self.weights.replace(scales::TENSOR, rows);
         let precision = self.precision;
         self.with_precision(precision)
     }
@@ -333,11 +331,8 @@ impl Encoder {
         let each = Images::each(&values, size);
         let planes = Images::new(&each, Order::Planes, size, self.network.normalisation)?;
         let shape = (each.len(), self.width());
-        Ok(Tensor::from_vec(
-            self.kernels.embed(&planes)?,
-            shape,
-            &Device::Cpu,
-        )?)
+        let embeddings = self.kernels.embed(&planes)?;
+        Ok(Tensor::from_vec(embeddings, shape, &Device::Cpu)?)
     }
 
     /// Embeds images as they lie in most decoders' memory, each `(height, width, 3)` row-major, f32

@@ -83,17 +83,22 @@ impl<'a> Plain<'a> {
                 activate((y + &maps[shortcut])?, conv.activation)
             }
             Layer::Concat(convs) => {
-                let convs = convs.iter();
-                let parts = convs
-                    .map(|conv| activate(self.conv(conv, &maps[&conv.input])?, conv.activation));
-                Ok(Tensor::cat(&parts.collect::<Result<Vec<_>>>()?, 1)?)
+                let part =
+                    |conv: &Conv| activate(self.conv(conv, &maps[&conv.input])?, conv.activation);
+                let parts: Vec<Tensor> = convs.iter().map(part).collect::<Result<_>>()?;
+                Ok(Tensor::cat(&parts, 1)?)
             }
-            Layer::MaxPool(pool) => self.max_pool(pool, &maps[&pool.input]),
+            Layer::MaxPool(pool) => max_pool(pool, &maps[&pool.input]),
         }
     }
 
     fn tensor(&self, layer: &str, leaf: &str) -> Result<&Tensor> {
         Ok(self.weights.get(&format!("{layer}.{leaf}"))?)
+    }
+
+    /// A tensor of one number for each channel, beside maps.
+    fn row(&self, layer: &str, leaf: &str) -> Result<Tensor> {
+        Ok(self.tensor(layer, leaf)?.reshape((1, (), 1, 1))?)
     }
 
     /// Convolution with its bias or its batch norm.
@@ -104,20 +109,15 @@ impl<'a> Plain<'a> {
         let y = x.conv2d(weight, padding, window.stride[1], 1, conv.groups)?;
         match &conv.norm {
             Some(norm) => self.batch_norm(&y, norm),
-            None => self.add_bias(&y, &conv.name),
+            None => Ok(y.broadcast_add(&self.row(&conv.name, "bias")?)?),
         }
-    }
-
-    fn add_bias(&self, y: &Tensor, layer: &str) -> Result<Tensor> {
-        let bias = self.tensor(layer, "bias")?.reshape((1, (), 1, 1))?;
-        Ok(y.broadcast_add(&bias)?)
     }
 
     /// Squeeze and excite: `(n, channels, h, w)` to a factor in (0, 1), `(n, channels, 1, 1)`.
     fn gate(&self, gate: &Gate, y: &Tensor) -> Result<Tensor> {
-        let linear = |x: &Tensor, layer: &str| {
+        let linear = |x: &Tensor, layer: &str| -> Result<Tensor> {
             let y = x.conv2d(self.tensor(layer, "weight")?, 0, 1, 1, 1)?;
-            self.add_bias(&y, layer)
+            Ok(y.broadcast_add(&self.row(layer, "bias")?)?)
         };
         let [hidden, logits] = &gate.layers;
         let hidden = linear(&y.mean_keepdim((2, 3))?, hidden)?.relu()?;
@@ -155,28 +155,8 @@ impl<'a> Plain<'a> {
             count,
         });
         let normed = centred.broadcast_div(&(variance + self.network.eps)?.sqrt()?)?;
-        let scaled =
-            normed.broadcast_mul(&self.tensor(layer, "weight")?.reshape((1, (), 1, 1))?)?;
-        let shift = self.tensor(layer, "bias")?.reshape((1, (), 1, 1))?;
-        Ok(scaled.broadcast_add(&shift)?)
-    }
-
-    fn max_pool(&self, pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
-        let size = extents(x)?;
-        let window = pool.slide.window(size);
-        let Some([_, rows, columns]) = pool.output(size) else {
-            let found = format_args!("a map of {size:?}");
-            return Err(Error::input("images", found, "larger ones"));
-        };
-        let x = pad(x, &window)?;
-        let Window { size, stride, .. } = window;
-        if self.statistics.is_some() {
-            let x = largest_of_rows(&x, 2, (size[1], stride[1]), rows)?;
-            return largest_of_rows(&x, 3, (size[2], stride[2]), columns);
-        }
-        let x = pad_end(&x, 2, (rows - 1) * stride[1] + size[1])?;
-        let x = pad_end(&x, 3, (columns - 1) * stride[2] + size[2])?;
-        Ok(x.max_pool2d_with_stride((size[1], size[2]), (stride[1], stride[2]))?)
+        let scaled = normed.broadcast_mul(&self.row(layer, "weight")?)?;
+        Ok(scaled.broadcast_add(&self.row(layer, "bias")?)?)
     }
 }
 
@@ -217,6 +197,18 @@ fn pad(x: &Tensor, window: &Window) -> Result<Tensor> {
     Ok(x.pad_with_zeros(3, window.before[2], window.after[2])?)
 }
 
+fn max_pool(pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
+    let size = extents(x)?;
+    let window = pool.slide.window(size);
+    let Some([_, rows, columns]) = pool.output(size) else {
+        let found = format_args!("a map of {size:?}");
+        return Err(Error::input("images", found, "larger ones"));
+    };
+    let Window { size, stride, .. } = window;
+    let x = largest_of_rows(&pad(x, &window)?, 2, (size[1], stride[1]), rows)?;
+    largest_of_rows(&x, 3, (size[2], stride[2]), columns)
+}
+
 /// Max pooling along one axis to `count` places by a window of such a size and stride, by operators
 /// that have gradients where windows overlap: candle's max pooling has none. What hangs over the
 /// edge sees the last row.
@@ -238,17 +230,4 @@ fn largest_of_rows(
         });
     }
     Ok(largest.unwrap_or_else(|| x.clone()))
-}
-
-/// Repeats the last row or column up to an extent: what max pooling needs, since it changes no
-/// maximum.
-fn pad_end(x: &Tensor, dim: usize, extent: usize) -> Result<Tensor> {
-    let by = extent.saturating_sub(x.dim(dim)?);
-    if by == 0 {
-        return Ok(x.clone());
-    }
-    let last = x.narrow(dim, x.dim(dim)? - 1, 1)?;
-    let mut parts = vec![x.clone()];
-    parts.extend(std::iter::repeat_n(last, by));
-    Ok(Tensor::cat(&parts, dim)?)
 }

@@ -178,9 +178,8 @@ impl TrainableEncoder {
     /// What training changes, in the order of the names: all that embeddings of its depths need but running
     /// statistics.
     pub fn variables(&self) -> impl Iterator<Item = (&str, &Var)> {
-        self.variables
-            .iter()
-            .map(|(name, variable)| (name.as_str(), variable))
+        let variables = self.variables.iter();
+        variables.map(|(name, variable)| (name.as_str(), variable))
     }
 
     /// All tensors as they are now, for a checkpoint or an [`Encoder`].

@@ -54,9 +54,8 @@ impl Encoder {
             return Err(Error::input("encoder", self.kind, expected));
         }
         let windows = Windows::new(size, window, stride)?;
-        let sums = self
-            .kernels
-            .cell_sums(&self.of_pixels(&[image], extents)?)?;
+        let image = [image];
+        let sums = self.kernels.cell_sums(&self.of_pixels(&image, extents)?)?;
         Ok(windows.embed(&sums)?)
     }
 }

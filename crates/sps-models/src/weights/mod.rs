@@ -15,7 +15,7 @@
 //! # Ok::<(), sps_models::Error>(())
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -45,11 +45,9 @@ impl Weights {
     /// When the file cannot be read, is of no such format, holds elements of another type, or
     /// holds a value that is not finite as f32.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, WeightsError> {
-        let path = path.as_ref();
-        let origin = path.display().to_string();
-        let bytes =
-            std::fs::read(path).map_err(|error| WeightsError::new(&origin, error.into()))?;
-        Self::from_bytes(&origin, &bytes)
+        let origin = path.as_ref().display().to_string();
+        let bytes = std::fs::read(path).map_err(|error| WeightsError::new(&origin, error.into()));
+        Self::from_bytes(&origin, &bytes?)
     }
 
     /// Reads the content of a weights file; `origin` names it in errors.
@@ -118,13 +116,11 @@ impl Weights {
         tensors: impl IntoIterator<Item = (String, Tensor)>,
     ) -> Result<Self, WeightsError> {
         let raw = tensors.into_iter().map(|(name, tensor)| {
-            let tensor = raw_tensor(&name, &tensor);
-            Ok((
-                name,
-                tensor.map_err(|kind| WeightsError::new(origin, kind))?,
-            ))
+            let tensor = raw_tensor(&name, &tensor)?;
+            Ok((name, tensor))
         });
-        Self::from_raw(origin, raw.collect::<Result<Vec<_>, WeightsError>>()?)
+        let raw = raw.collect::<Result<Vec<_>, _>>();
+        Self::from_raw(origin, raw.map_err(|kind| WeightsError::new(origin, kind))?)
     }
 
     /// Takes tensors by name, as `origin` (a file, a seed) has them; refuses a value that is not finite.
@@ -133,13 +129,14 @@ impl Weights {
         tensors: impl IntoIterator<Item = (String, RawTensor)>,
     ) -> Result<Self, WeightsError> {
         let tensors = tensors.into_iter().map(|(name, raw)| {
-            let tensor = checked(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
+            raw.check(&name)?;
+            let tensor = Tensor::from_vec(raw.values, raw.shape, &Device::Cpu);
+            let tensor = tensor.map_err(|error| not_taken(&name, &error))?;
             Ok((name, tensor))
         });
-        Ok(Self {
-            origin: origin.to_owned(),
-            tensors: tensors.collect::<Result<_, WeightsError>>()?,
-        })
+        let tensors = tensors.collect::<Result<Vec<_>, _>>();
+        let tensors = tensors.map_err(|kind| WeightsError::new(origin, kind))?;
+        Ok(Self::sharing(origin, tensors))
     }
 
     /// Takes tensors as they are, with the memory that others share.
@@ -170,23 +167,17 @@ impl Weights {
 
     /// The tensors, in the order of their names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor)> {
-        self.tensors
-            .iter()
-            .map(|(name, tensor)| (name.as_str(), tensor))
+        let tensors = self.tensors.iter();
+        tensors.map(|(name, tensor)| (name.as_str(), tensor))
     }
 
     /// With other names for those tensors that `name` has one for, unless another has it already.
     pub(crate) fn renamed(self, name: impl Fn(&str) -> Option<String>) -> Self {
-        let taken: BTreeSet<String> = self.tensors.keys().cloned().collect();
-        let tensors = self.tensors.into_iter();
-        let renamed = |(old, tensor): (String, Tensor)| {
-            let new = name(&old).filter(|new| !taken.contains(new));
-            (new.unwrap_or(old), tensor)
+        let renamed = |(old, tensor): (&String, &Tensor)| {
+            let new = name(old).filter(|new| !self.tensors.contains_key(new));
+            (new.unwrap_or_else(|| old.clone()), tensor.clone())
         };
-        Self {
-            tensors: tensors.map(renamed).collect(),
-            ..self
-        }
+        Self::sharing(&self.origin, self.tensors.iter().map(renamed))
     }
 
     /// Keeps what `network` needs, having checked every name and shape.
@@ -257,12 +248,6 @@ fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind
         shape: tensor.dims().to_vec(),
         values: values.map_err(|error| not_taken(name, &error))?,
     })
-}
-
-fn checked(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
-    raw.check(name)?;
-    let tensor = Tensor::from_vec(raw.values, raw.shape, &Device::Cpu);
-    tensor.map_err(|error| not_taken(name, &error))
 }
 
 fn not_taken(name: &str, error: &candle_core::Error) -> WeightsErrorKind {

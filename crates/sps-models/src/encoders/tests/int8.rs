@@ -5,7 +5,7 @@ use sps_kernels::simd::Level;
 
 use super::{SMALL_ONES, calibrated, of_images};
 use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder, scales};
-use crate::golden::{self, encoder, on_threads, relative};
+use crate::golden::{self, encoder, on_threads, refused, relative};
 use crate::weights::Weights;
 
 /// Images in 0..1 whose pixels have something to do with their neighbours.
@@ -119,14 +119,9 @@ fn training_leaves_no_scales() {
 fn what_is_no_calibration_is_refused() {
     let kind = EncoderKind::EfficientNetLiteBody;
     let encoder = encoder(kind);
-    let refused = |outcome: crate::Result<Encoder>, expected: &str| {
-        let error = outcome.unwrap_err().to_string();
-        assert!(error.contains(expected), "{error}");
-    };
-    refused(
-        encoder.clone().with_precision(Precision::Int8),
-        "int8 without scales of the feature maps, expected `Encoder::calibrated` before",
-    );
+    let without = encoder.clone().with_precision(Precision::Int8);
+    let expected = "int8 without scales of the feature maps, expected `Encoder::calibrated` before";
+    refused(without, expected);
     let none = encoder.clone().calibrated(&[]);
     refused(none, "images to calibrate with: found none");
     let images = images("refused", 1, 32, 32);

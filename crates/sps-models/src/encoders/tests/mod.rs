@@ -11,7 +11,7 @@ mod windows;
 
 use std::sync::{Arc, LazyLock};
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Device, Tensor, Var};
 use sps_kernels::Normalisation;
 use sps_kernels::simd::Level;
 
@@ -70,10 +70,10 @@ fn pass(
     let cotangent = golden::input(cotangent, embeddings.dims());
     let loss = (&embeddings * cotangent).unwrap().mean_all().unwrap();
     let store = encoder.backward(&loss).unwrap();
-    let gradients = encoder
-        .variables()
-        .map(|(name, variable)| (name.to_owned(), store.get(variable).unwrap().clone()));
-    (embeddings, loss, gradients.collect())
+    let gradient =
+        |(name, variable): (&str, &Var)| (name.to_owned(), store.get(variable).unwrap().clone());
+    let gradients = encoder.variables().map(gradient).collect();
+    (embeddings, loss, gradients)
 }
 
 /// Seeded networks that can compute in int8, with norms and without, with groups, gates and depth-wise layers.

@@ -18,6 +18,7 @@ fn embeddings_are_those_of_timm_and_torchvision() {
     let [paper, squeezenet, others] = ["se_resnext50", "squeezenet1_0", "encoders"]
         .map(|file| golden::load(&format!("{file}.safetensors")));
     let (whole, odd) = ([2, 3, 224, 224], [2, 3, 97, 131]);
+    let lite0 = "efficientnet_lite0.eval";
     for (kind, golden, name, shape, bound) in [
         (SeResNext50, &paper, "eval224", whole, 2e-5),
         (SeResNext50, &paper, "eval97", [1, 3, 97, 131], 2e-5),
@@ -25,13 +26,7 @@ fn embeddings_are_those_of_timm_and_torchvision() {
         (ResNet18, &others, "resnet18.eval", odd, 1e-5),
         (ResNet50, &others, "resnet50.eval", odd, 1e-5),
         (SqueezeNet1_1, &others, "squeezenet1_1.eval", odd, 1e-5),
-        (
-            EfficientNetLite0,
-            &others,
-            "efficientnet_lite0.eval",
-            odd,
-            1e-5,
-        ),
+        (EfficientNetLite0, &others, lite0, odd, 1e-5),
     ] {
         let images = input(&format!("golden/{name}"), &shape);
         let found = embed_normalised(&encoder(kind), &images);

@@ -25,14 +25,12 @@ use sps_regress::stacking::Stacking;
 use sps_regress::{Regressor, Views};
 use surfaces::Made;
 
-/// Tensors of several shapes, among them none and one without elements.
-fn weights() -> Weights {
-    let shapes: [&[usize]; 4] = [&[], &[3], &[2, 0, 5], &[4, 3, 2, 1]];
-    let tensors = shapes.iter().enumerate().map(|(i, shape)| {
-        let tensor = Tensor::full(0.5 + i as f32, *shape, &Device::Cpu).unwrap();
-        (format!("layer{i}.weight"), tensor)
-    });
-    Weights::from_tensors("seed", tensors).unwrap()
+/// A file of a tensor with a note.
+fn noted(name: &str, text: &str) -> Vec<u8> {
+    let tensor = Tensor::full(0.5_f32, (4, 3), &Device::Cpu).unwrap();
+    let weights = Weights::from_tensors("seed", [("layer.weight".to_owned(), tensor)]);
+    let note = Some((name, text));
+    weights.unwrap().to_bytes_as(Storage::F32, note).unwrap()
 }
 
 /// Fitted to all three views.
@@ -51,20 +49,18 @@ fn heads(made: &Made, input: Input, model: Model) -> Vec<u8> {
 #[test]
 fn trained_heads() {
     let made = Made::new();
-    let cross_modal = || {
-        Model::CrossModal(CrossModal {
-            latent: 3,
+    let cross_modal = Model::CrossModal(CrossModal {
+        latent: 3,
+        hidden: 2,
+        adversarial: Some(Adversarial {
             hidden: 2,
-            adversarial: Some(Adversarial {
-                hidden: 2,
-                ..Adversarial::default()
-            }),
-            ..CrossModal::default()
-        })
-    };
+            ..Adversarial::default()
+        }),
+        ..CrossModal::default()
+    });
     let files = vec![
         heads(&made, Input::ViewPooling {}, Model::Regression {}),
-        heads(&made, Input::LateFusion { views: 3 }, cross_modal()),
+        heads(&made, Input::LateFusion { views: 3 }, cross_modal),
     ];
     fuzz("trained heads", &broken(files), |bytes| {
         if let Some(heads) = said(TrainedHeads::from_bytes("file", &bytes)) {
@@ -175,9 +171,7 @@ fn training_states() {
         assert!(said(resume(&late)).is_none(), "{key}");
     }
     nested("training states", |text| {
-        let note = Some(("sps-training", text.as_str()));
-        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
-        assert!(said(resume(&file)).is_none());
+        assert!(said(resume(&noted("sps-training", &text))).is_none());
     });
 }
 
@@ -185,8 +179,7 @@ fn training_states() {
 #[test]
 fn metadata_that_nest() {
     nested("metadata", |text| {
-        let note = Some(("sps-heads", text.as_str()));
-        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
-        assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
+        let heads = TrainedHeads::from_bytes("file", &noted("sps-heads", &text));
+        assert!(said(heads).is_none());
     });
 }

@@ -27,18 +27,16 @@ pub(super) fn tactile(
     standardise: bool,
     keep_unmeasured: bool,
 ) -> Result<(Vec<usize>, Array2<f64>)> {
-    let measured = |surface| {
-        readings
-            .row(surface)
-            .is_some_and(|r| r.iter().any(Option::is_some))
+    let measured = |&surface: &usize| {
+        let mut row = readings.row(surface).into_iter().flatten();
+        row.any(Option::is_some)
     };
-    if !training.iter().any(|&surface| measured(surface)) {
+    if !training.iter().any(measured) {
         let expected = "at least one, of a training surface";
         return Err(Error::input("readings for labels", "none", expected));
     }
-    let rows: Vec<usize> = (0..training.len())
-        .filter(|&at| keep_unmeasured || measured(training[at]))
-        .collect();
+    let rows = (0..training.len()).filter(|&at| keep_unmeasured || measured(&training[at]));
+    let rows: Vec<usize> = rows.collect();
     let mut points = Array2::zeros((rows.len(), readings.properties().len()));
     for (property, mut column) in points.columns_mut().into_iter().enumerate() {
         let values = training.iter().filter_map(|&s| readings.get(s, property));
@@ -47,12 +45,10 @@ pub(super) fn tactile(
         };
         for (cell, &at) in column.iter_mut().zip(&rows) {
             let value = readings.get(training[at], property);
-            let value = value.unwrap_or(standard.mean);
-            *cell = if standardise {
-                standard.standardise(value)
-            } else {
-                value
-            };
+            *cell = value.unwrap_or(standard.mean);
+            if standardise {
+                *cell = standard.standardise(*cell);
+            }
         }
     }
     Ok((rows, points))
@@ -66,24 +62,20 @@ pub(super) fn visual(
 ) -> Result<Array2<f64>> {
     let features = features.select(training, &[(features.views() - 1) / 2])?;
     let rows = features.balanced().table();
-    let pca = Pca::fit(rows.view(), components)?;
-    Ok(columns(pca.transform(rows.view())))
+    let mut table = Pca::fit(rows.view(), components)?.transform(rows.view());
+    for mut column in table.columns_mut() {
+        // A constant column becomes zero.
+        if let Some(standard) = Standardiser::of(column.iter().copied()) {
+            column.mapv_inplace(|value| standard.standardise(value));
+        }
+    }
+    Ok(table)
 }
 
 /// Two tables of equal height side by side.
 pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f64>> {
     concatenate(Axis(1), &[left.view(), right.view()])
         .map_err(|error| Error::input("k-means", error, "tables of equal height"))
-}
-
-/// Each column to zero mean and unit variance; a constant column becomes zero.
-fn columns(mut table: Array2<f64>) -> Array2<f64> {
-    for mut column in table.columns_mut() {
-        if let Some(standard) = Standardiser::of(column.iter().copied()) {
-            column.mapv_inplace(|value| standard.standardise(value));
-        }
-    }
-    table
 }
 
 /// Labels of so many surfaces, of which `rows` have the `points`: their clusters.

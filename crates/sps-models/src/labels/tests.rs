@@ -10,21 +10,17 @@ fn readings(rows: &[Vec<Option<f64>>]) -> Readings {
 }
 
 fn embeddings(rows: usize, width: usize, value: impl Fn(usize, usize) -> f32) -> Embeddings {
-    let values: Vec<f32> = (0..rows * width)
-        .map(|i| value(i / width, i % width))
-        .collect();
-    Embeddings::new(values, [rows, 1, width]).unwrap()
+    let values = (0..rows * width).map(|i| value(i / width, i % width));
+    Embeddings::new(values.collect(), [rows, 1, width]).unwrap()
 }
 
 /// Three groups of surfaces far apart, in sight and in touch.
 fn planted(surfaces: usize) -> (Readings, Embeddings) {
     let noise = golden::uniform("labels.noise", surfaces * 10);
     let group = |surface: usize| (surface % 3) as f64;
-    let row = |s: usize| (0..4).map(move |p| (s, p));
-    let touched = |(s, p): (usize, usize)| Some(10.0 * group(s) + noise[s * 10 + p]);
-    let touch: Vec<_> = (0..surfaces)
-        .map(|s| row(s).map(touched).collect())
-        .collect();
+    let touched = |s: usize, p: usize| Some(10.0 * group(s) + noise[s * 10 + p]);
+    let row = |s| (0..4).map(|p| touched(s, p)).collect();
+    let touch: Vec<_> = (0..surfaces).map(row).collect();
     let sight = embeddings(surfaces, 6, |s, f| {
         (5.0 * group(s) + noise[s * 10 + 4 + f]) as f32
     });
@@ -105,9 +101,9 @@ fn a_material_is_a_class_with_or_without_a_training_surface() {
 fn standardising_is_what_makes_sight_count() {
     // Touch: two wide groups 60 apart. Sight: two other groups.
     let noise = golden::uniform("labels.noise", 400);
-    let touch: Vec<_> = (0..40)
-        .map(|s| vec![Some(if s % 2 == 0 { 20.0 } else { 80.0 } + 8.0 * noise[s])])
-        .collect();
+    let middle = |s: usize| if s.is_multiple_of(2) { 20.0 } else { 80.0 };
+    let row = |s: usize| vec![Some(middle(s) + 8.0 * noise[s])];
+    let touch: Vec<_> = (0..40).map(row).collect();
     let readings = readings(&touch);
     let visual = embeddings(40, 3, |s, f| {
         (if s < 20 { -1.0 } else { 1.0 } + 0.05 * noise[40 + s * 3 + f]) as f32
@@ -156,15 +152,14 @@ fn a_missing_reading_counts_as_the_mean_and_a_surface_without_any_has_no_tactile
 fn bad_input_is_named() {
     let (readings, visual) = planted(5);
     let tables = TrainingData::new(&visual, &readings);
-    let failure = |source: &LabelSource, training: &[usize]| {
-        let refused = label(source, &tables, training, 1, 0);
-        refused.unwrap_err().to_string()
+    let refused = |source: &LabelSource, training: &[usize], expected: &str| {
+        golden::refused(label(source, &tables, training, 1, 0), expected);
     };
     let [touch, _] = sources(0);
-    assert!(failure(&touch, &[0]).contains("clusters: found 0"));
+    refused(&touch, &[0], "clusters: found 0");
     let [touch, both] = sources(2);
-    assert!(failure(&touch, &[]).contains("surfaces to label: found none"));
-    assert!(failure(&both, &[7]).contains("index 7, expected below 5"));
+    refused(&touch, &[], "surfaces to label: found none");
+    refused(&both, &[7], "index 7, expected below 5");
 }
 
 #[test]
@@ -190,9 +185,8 @@ mod hard_cases {
     /// Fifteen clusters of three distinct surfaces are three.
     #[test]
     fn more_clusters_than_distinct_points() {
-        let rows: Vec<_> = (0..9)
-            .map(|s| vec![Some((s % 3) as f64), Some(-0.0)])
-            .collect();
+        let row = |s: usize| vec![Some((s % 3) as f64), Some(-0.0)];
+        let rows: Vec<_> = (0..9).map(row).collect();
         let readings = readings(&rows);
         let visual = embeddings(9, 2, |s, _| (s % 3) as f32);
         let tables = TrainingData::new(&visual, &readings);

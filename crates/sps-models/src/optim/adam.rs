@@ -142,11 +142,8 @@ impl Adam {
     /// multiplied first; an empty slice means 1.
     pub(crate) fn step<G: Gradient>(&mut self, gradients: &[G], scales: &[f64]) -> Result<()> {
         if gradients.len() != self.parameters.len() {
-            return Err(Error::input(
-                "gradients",
-                gradients.len(),
-                format_args!("{}, one per parameter", self.parameters.len()),
-            ));
+            let expected = format_args!("{}, one per parameter", self.parameters.len());
+            return Err(Error::input("gradients", gradients.len(), expected));
         }
         self.steps = self.steps.saturating_add(1);
         let factors = Factors::new(&self.config, self.steps);

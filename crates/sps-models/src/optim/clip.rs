@@ -26,11 +26,7 @@ pub(crate) fn squared_norms(gradient: &impl Gradient, sums: &mut [f64]) -> Resul
 ///
 /// `norm` itself is scaled out, without PyTorch's 1e-6 in the denominator.
 pub(crate) fn clip_scales(squared_norms: &[f64], largest: f64) -> Vec<f64> {
-    squared_norms
-        .iter()
-        .map(|square| {
-            let norm = square.sqrt();
-            if norm > largest { largest / norm } else { 1.0 }
-        })
-        .collect()
+    let norms = squared_norms.iter().map(|square| square.sqrt());
+    let scales = norms.map(|norm| if norm > largest { largest / norm } else { 1.0 });
+    scales.collect()
 }

@@ -165,13 +165,8 @@ mod hard_cases {
         println!("gradient norm of 1e30: error {off:.1e}, bound 1e-6, naive form does not move");
         assert!(off < 1e-6, "{moved:?}");
 
-        let naive = huge
-            .sqr()
-            .unwrap()
-            .sum_all()
-            .unwrap()
-            .to_scalar::<f32>()
-            .unwrap();
+        let naive = huge.sqr().unwrap().sum_all().unwrap();
+        let naive: f32 = naive.to_scalar().unwrap();
         assert_eq!(1.0 / naive.sqrt(), 0.0, "the naive form");
     }
 }
@@ -179,15 +174,20 @@ mod hard_cases {
 /// A decay of 1 divides by zero in the first step.
 #[test]
 fn settings_out_of_their_range_are_refused_by_name() {
-    let refused = |change: fn(&mut AdamConfig), key: &str| {
+    let refused = |change: &dyn Fn(&mut AdamConfig), key: &str| {
         let mut config = AdamConfig::default();
         change(&mut config);
         let message = Adam::new(config, []).unwrap_err().to_string();
         assert!(message.starts_with(key), "{message}");
     };
-    refused(|c| c.learning_rate = 0.0, "adam.learning-rate");
-    refused(|c| c.beta1 = 1.0, "adam.beta1");
-    refused(|c| c.beta2 = f64::NAN, "adam.beta2");
-    refused(|c| c.epsilon = -1e-8, "adam.epsilon");
-    refused(|c| c.weight_decay = f64::INFINITY, "adam.weight-decay");
+    for wrong in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        refused(&|c| c.learning_rate = wrong, "adam.learning-rate");
+    }
+    refused(&|c| c.beta1 = 1.0, "adam.beta1");
+    refused(&|c| c.beta2 = f64::NAN, "adam.beta2");
+    refused(&|c| c.beta2 = -0.1, "adam.beta2");
+    refused(&|c| c.epsilon = -1e-8, "adam.epsilon");
+    refused(&|c| c.epsilon = 0.0, "adam.epsilon");
+    refused(&|c| c.weight_decay = f64::INFINITY, "adam.weight-decay");
+    refused(&|c| c.weight_decay = -0.1, "adam.weight-decay");
 }

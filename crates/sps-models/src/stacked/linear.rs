@@ -80,9 +80,8 @@ fn product<T: Element>(x: &Tensor, w: &Parameter, bias: Option<&Parameter>) -> R
         if let Some(slot) = bias.as_ref().and_then(Parameter::gradient) {
             bias_gradient::<T>(dims, dy, slot)?;
         }
-        x.track_op()
-            .then(|| input_gradient::<T>(dims, weight.value(), dy))
-            .transpose()
+        let of_input = || input_gradient::<T>(dims, weight.value(), dy);
+        x.track_op().then(of_input).transpose()
     };
     differentiable([&x, w.value()], y, (trials, rows, outputs), backward)
 }

@@ -24,13 +24,8 @@ pub(crate) fn leaky_relu(z: &Tensor) -> Result<Tensor> {
 
 /// A function of each element, with its derivative.
 fn pointwise(z: &Tensor, value: fn(f64) -> f64, derivative: fn(f64) -> f64) -> Result<Tensor> {
-    by_rows(
-        z,
-        1,
-        z.shape().clone(),
-        |_, z| Ok(value(z[0])),
-        move |_, z, g| z[0] = derivative(z[0]) * g,
-    )
+    let slope = move |_, z: &mut [f64], g| z[0] = derivative(z[0]) * g;
+    by_rows(z, 1, z.shape().clone(), |_, z| Ok(value(z[0])), slope)
 }
 
 /// The Euclidean norm over the last axis: `(trials, rows, dimensions)` gives `(trials, rows)`.
@@ -68,11 +63,8 @@ pub(crate) fn cross_entropy(logits: &Tensor, labels: Vec<Option<u32>>) -> Result
     }
     let (trials, rows, width) = logits.dims3()?;
     if labels.len() != trials * rows {
-        bail!(
-            "cross-entropy: {} labels for {} rows",
-            labels.len(),
-            trials * rows
-        )
+        let (found, rows) = (labels.len(), trials * rows);
+        bail!("cross-entropy: {found} labels for {rows} rows")
     }
     let of_rows = labels.clone();
     let value = move |at, row: &[f64]| {

@@ -8,7 +8,7 @@ use candle_core::{DType, Device, Tensor};
 
 use crate::encoders::{Encoder, EncoderKind};
 #[cfg(feature = "heads")]
-use crate::heads::{Adversarial, Classification, CrossModal, GeneratorLoss, Model};
+use crate::heads::{Adversarial, Classification, CrossModal, Model};
 #[cfg(feature = "heads")]
 use crate::labels::LabelSource;
 use crate::weights::{TensorSpec, Weights};
@@ -92,15 +92,13 @@ pub(crate) fn relative(found: &Tensor, expected: &Tensor) -> f64 {
 
 /// The cross-modal network of the scripts for heads: all its parts, small.
 #[cfg(feature = "heads")]
-pub(crate) fn cross_modal(generator: GeneratorLoss) -> Model {
+pub(crate) fn cross_modal() -> Model {
     Model::CrossModal(CrossModal {
         latent: 4,
         hidden: 6,
         embedding_weight: 0.3,
-        reconstruction_weight: 0.7,
         adversarial: Some(Adversarial {
             weight: 0.2,
-            generator,
             hidden: 6,
         }),
         classification: Some(Classification {

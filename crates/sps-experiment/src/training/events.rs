@@ -105,7 +105,7 @@ fn there(part: &str, losses: impl IntoIterator<Item = Named>) -> Vec<(String, f6
     named.collect()
 }
 
-fn losses(losses: &Losses) -> [Named; 9] {
+fn losses(losses: &Losses) -> [Named; 8] {
     [
         ("loss", losses.total()),
         ("squared-error", losses.values),
@@ -113,17 +113,15 @@ fn losses(losses: &Losses) -> [Named; 9] {
         ("accuracy", losses.accuracy),
         ("features", losses.features),
         ("embedding", losses.embedding),
-        ("reconstruction", losses.reconstruction),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),
     ]
 }
 
-fn of_head(losses: &EpochLosses) -> [Named; 6] {
+fn of_head(losses: &EpochLosses) -> [Named; 5] {
     [
         ("estimation", losses.estimation),
         ("embedding", losses.embedding),
-        ("reconstruction", losses.reconstruction),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),
         ("classification", losses.classification),

@@ -114,12 +114,13 @@ impl RelationScale {
 }
 
 /// How embeddings are scaled before they enter a head, by statistics of the training surfaces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
     /// Each feature is centred; all are divided by one number, the root mean square of their
     /// standard deviations. Features keep their relative size, so a channel that is almost
     /// always zero stays small.
+    #[default]
     Common,
     /// Each feature is centred and divided by its own standard deviation, or by a tenth of the
     /// common scale where its own is smaller: a feature that was silent in training must not
@@ -158,7 +159,6 @@ impl Model {
         if let Self::CrossModal(model) = self {
             let (game, classes) = (&model.adversarial, &model.classification);
             weights.embedding = model.embedding_weight;
-            weights.reconstruction = model.reconstruction_weight;
             weights.generator = game.as_ref().map_or(0.0, |game| game.weight);
             weights.discriminator = f64::from(u8::from(game.is_some()));
             weights.classification = classes.as_ref().map_or(0.0, |c| c.weight);
@@ -168,7 +168,7 @@ impl Model {
 }
 
 /// The cross-modal network and its losses,
-/// `L = L_est + l1 L_emb + l2 L_adv + l3 L_class (+ l4 L_rec)`.
+/// `L = L_est + l1 L_emb + l2 L_adv + l3 L_class`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct CrossModal {
@@ -177,12 +177,8 @@ pub struct CrossModal {
     /// Units of the hidden layer of generator and tactile encoder. Not printed in the paper; as
     /// many as the latent space of the single-image network.
     pub hidden: usize,
-    /// `l1`, weight of `L_emb`. Not printed in the paper. Measured. With neither this nor a
-    /// reconstruction there is no tactile encoder.
+    /// `l1`, weight of `L_emb`. Not printed in the paper. Measured. At 0 there is no tactile encoder.
     pub embedding_weight: f64,
-    /// Weight of `(G(E_t(t)) - t)²`, which trains the tactile encoder to keep the value. The
-    /// paper does not name such a term, so the default is 0. Measured.
-    pub reconstruction_weight: f64,
     /// `l2` and the discriminator; none leaves `L_adv` out.
     pub adversarial: Option<Adversarial>,
     /// `l3` and the labels; none leaves `L_class` out.
@@ -195,7 +191,6 @@ impl Default for CrossModal {
             latent: 50,
             hidden: 50,
             embedding_weight: 0.01,
-            reconstruction_weight: 0.0,
             adversarial: None,
             classification: None,
         }
@@ -208,8 +203,6 @@ impl Default for CrossModal {
 pub struct Adversarial {
     /// `l2`. Not printed in the paper. Measured.
     pub weight: f64,
-    /// What the generator minimises. Default: the paper's equation.
-    pub generator: GeneratorLoss,
     /// Units of the discriminator's hidden layer. Not printed in the paper; as in the generator.
     pub hidden: usize,
 }
@@ -218,22 +211,9 @@ impl Default for Adversarial {
     fn default() -> Self {
         Self {
             weight: 1.0,
-            generator: GeneratorLoss::Minimax,
             hidden: 50,
         }
     }
-}
-
-/// The generator's side of the adversarial game.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GeneratorLoss {
-    /// `log(1 - D(v, G(e_v)))`, as the paper prints it. Its gradient fades when the discriminator
-    /// is sure.
-    Minimax,
-    /// `-log D(v, G(e_v))` (Goodfellow et al. 2014, section 3): the same fixed point, and a
-    /// gradient that does not fade.
-    NonSaturating,
 }
 
 /// The auxiliary classification objective.
@@ -307,16 +287,12 @@ impl Input {
 }
 
 impl CrossModal {
-    /// Whether any loss needs the tactile encoder.
-    pub(super) fn encodes_touch(&self) -> bool {
-        self.embedding_weight > 0.0 || self.reconstruction_weight > 0.0
-    }
-
     fn check(&self) -> Result<()> {
         at_least_one("model.latent", self.latent)?;
         at_least_one("model.hidden", self.hidden)?;
-        weight("model.embedding-weight", self.embedding_weight)?;
-        weight("model.reconstruction-weight", self.reconstruction_weight)?;
+        let weight = self.embedding_weight;
+        let sensible = weight.is_finite() && weight >= 0.0;
+        require(sensible, "model.embedding-weight", weight, "0 or more")?;
         if let Some(adversarial) = &self.adversarial {
             at_least_one("model.adversarial.hidden", adversarial.hidden)?;
             positive("model.adversarial.weight", adversarial.weight)?;
@@ -335,8 +311,4 @@ fn at_least_one(key: &'static str, value: usize) -> Result<()> {
 
 fn positive(key: &'static str, value: f64) -> Result<()> {
     require(value.is_finite() && value > 0.0, key, value, "above 0")
-}
-
-fn weight(key: &'static str, value: f64) -> Result<()> {
-    require(value.is_finite() && value >= 0.0, key, value, "0 or more")
 }

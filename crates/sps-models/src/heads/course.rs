@@ -80,17 +80,14 @@ impl Course {
         if self.has_ended() {
             return Ok(());
         }
-        let Some(Best {
-            kept,
-            parameters: best,
-        }) = &mut self.best
-        else {
+        let Some(best) = &mut self.best else {
             return Ok(());
         };
+        let kept = &mut best.kept;
         let epoch = kept.errors.len();
         if error < kept.errors[kept.epoch] {
             kept.epoch = epoch;
-            *best = Some(parameters()?);
+            best.parameters = Some(parameters()?);
         }
         kept.errors.push(error);
         if patience > 0 && epoch - kept.epoch >= patience {
@@ -101,30 +98,24 @@ impl Course {
 
     /// What became of the trial; `last` are its weights after the last epoch.
     pub(super) fn end(self, job: &Job<'_>, dims: Dims, last: Weights) -> Result<Outcome> {
-        let diverged = |reason| {
-            Ok(Err(DivergedTrial {
-                trial: job.trial.clone(),
-                reason,
-            }))
-        };
-        if let State::Diverged(reason) = self.state {
-            return diverged(reason);
-        }
-        let (parameters, kept) = match self.best {
-            None => (last, None),
-            Some(best) => (
-                best.parameters.map_or_else(|| mean(&last), Ok)?,
-                Some(best.kept),
-            ),
+        let trial = job.trial.clone();
+        let (parameters, kept) = match (self.state, self.best) {
+            (State::Diverged(reason), _) => return Ok(Err(DivergedTrial { trial, reason })),
+            (_, None) => (last, None),
+            (_, Some(best)) => {
+                let parameters = best.parameters.map_or_else(|| mean(&last), Ok);
+                (parameters?, Some(best.kept))
+            }
         };
         for (name, tensor) in parameters.iter() {
             let values = tensor.flatten_all()?.to_vec1::<f32>()?;
             if let Some(value) = values.iter().find(|value| !value.is_finite()) {
-                return diverged(format!("{name} holds {value} after the last epoch"));
+                let reason = format!("{name} holds {value} after the last epoch");
+                return Ok(Err(DivergedTrial { trial, reason }));
             }
         }
         Ok(Ok(TrainedHead {
-            trial: job.trial.clone(),
+            trial,
             dims,
             statistics: job.statistics.as_ref().clone(),
             target: job.target,
@@ -140,8 +131,6 @@ impl Course {
 fn mean(like: &Weights) -> Result<Weights> {
     let zeros = like.iter();
     let zeros = zeros.map(|(name, tensor)| Ok((name.to_owned(), tensor.zeros_like()?)));
-    Ok(Weights::sharing(
-        like.origin(),
-        zeros.collect::<Result<Vec<_>>>()?,
-    ))
+    let zeros = zeros.collect::<Result<Vec<_>>>()?;
+    Ok(Weights::sharing(like.origin(), zeros))
 }

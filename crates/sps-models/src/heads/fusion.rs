@@ -68,11 +68,9 @@ impl FusionLoss {
     /// Not one loss per set, or a view that is not there.
     pub fn losses(&self, sets: &[usize], losses: &mut [f64]) -> Result<()> {
         if sets.len() != losses.len() * self.slots {
-            return Err(Error::input(
-                "sets of views",
-                format_args!("{} views for {} losses", sets.len(), losses.len()),
-                format_args!("{} views per set", self.slots),
-            ));
+            let found = format_args!("{} views for {} losses", sets.len(), losses.len());
+            let expected = format_args!("{} views per set", self.slots);
+            return Err(Error::input("sets of views", found, expected));
         }
         check_indices("view of a set", sets, self.views)?;
         let mut squares = vec![[0.0; TILE]; losses.len()];
@@ -232,12 +230,10 @@ impl TrainedHeads {
         if !matches!(config.input, Input::LateFusion { .. } | Input::Single {}) {
             return wrong(format!("input {:?}", config.input), "late fusion");
         }
-        if data.embeddings.width() != head.dims.width {
-            return Err(Error::input(
-                "embeddings of sets of views",
-                format_args!("width {}", data.embeddings.width()),
-                format_args!("width {}", head.dims.width),
-            ));
+        let (found, expected) = (data.embeddings.width(), head.dims.width);
+        if found != expected {
+            let [found, expected] = [found, expected].map(|width| format!("width {width}"));
+            return Err(Error::input("embeddings of sets of views", found, expected));
         }
         check_indices("surface", surfaces, data.embeddings.surfaces())?;
         let column = data.readings.column(&trial.property);
@@ -247,31 +243,20 @@ impl TrainedHeads {
             return wrong("no reading".into(), "at least one");
         }
         let affine = Affine::of(head, &config.model)?;
-        Ok(frozen(head, affine, data, &measured))
-    }
-}
-
-/// `measured` holds surfaces with their readings.
-fn frozen(
-    head: &TrainedHead,
-    affine: Affine,
-    data: &TrainingData<'_>,
-    measured: &[(usize, f64)],
-) -> FusionLoss {
-    let tiles = measured.len().div_ceil(TILE);
-    let mut offsets = vec![0.0; tiles * TILE];
-    for (offset, &(_, reading)) in offsets.iter_mut().zip(measured) {
-        *offset = (f64::from(affine.output_bias) - head.target.standardise(reading)) as f32;
-    }
-    let surfaces: Vec<usize> = measured.iter().map(|&(surface, _)| surface).collect();
-    FusionLoss {
-        slots: head.dims.slots,
-        views: data.embeddings.views(),
-        surfaces: measured.len(),
-        level: Level::detect(),
-        terms: terms(head, &affine, data.embeddings, &surfaces, tiles),
-        output: affine.output,
-        offsets,
+        let mut offsets = vec![0.0; measured.len().next_multiple_of(TILE)];
+        for (offset, &(_, reading)) in offsets.iter_mut().zip(&measured) {
+            *offset = (f64::from(affine.output_bias) - head.target.standardise(reading)) as f32;
+        }
+        let surfaces: Vec<usize> = measured.iter().map(|&(surface, _)| surface).collect();
+        Ok(FusionLoss {
+            slots: head.dims.slots,
+            views: data.embeddings.views(),
+            surfaces: measured.len(),
+            level: Level::detect(),
+            terms: terms(head, &affine, data.embeddings, &surfaces),
+            output: affine.output,
+            offsets,
+        })
     }
 }
 
@@ -281,10 +266,9 @@ fn terms(
     affine: &Affine,
     embeddings: &Embeddings,
     surfaces: &[usize],
-    tiles: usize,
 ) -> Vec<f32> {
-    let (units, slots) = (affine.units, head.dims.slots);
-    let views = embeddings.views();
+    let (units, slots) = (affine.output.len(), head.dims.slots);
+    let (views, tiles) = (embeddings.views(), surfaces.len().div_ceil(TILE));
     // Of each view, `(slots x units, surfaces)`.
     let of_views: Vec<Vec<f32>> = (0..views)
         .into_par_iter()
@@ -321,7 +305,6 @@ fn terms(
 
 /// A head as one affine map to rectified units and their weighted sum.
 struct Affine {
-    units: usize,
     /// `(slots, units, width)`.
     weight: Vec<f32>,
     /// `(units)`.
@@ -339,11 +322,9 @@ impl Affine {
         match model {
             Model::Regression {} => {
                 // The positive and the negative part of the value.
-                let weight = values("value.weight")?;
-                let both: Vec<f64> = weight.iter().map(|&w| f64::from(w)).collect();
-                let both: Vec<f64> = both.into_iter().flat_map(|w| [w, -w]).collect();
+                let weight = values("value.weight")?.into_iter().map(f64::from);
+                let both: Vec<f64> = weight.flat_map(|w| [w, -w]).collect();
                 Ok(Self {
-                    units: 2,
                     weight: by_slot(&both, head.dims.width, 2),
                     bias: vec![0.0; 2],
                     output: vec![1.0, -1.0],
@@ -355,13 +336,9 @@ impl Affine {
                 let (latent, units) = (model.latent, model.hidden);
                 let weight = product(&values("visual.weight")?, &hidden, latent, units);
                 let through = product(&values("visual.bias")?, &hidden, latent, units);
-                let bias = values("generator.hidden.bias")?;
-                let bias = through
-                    .iter()
-                    .zip(bias)
-                    .map(|(t, b)| (t + f64::from(b)) as f32);
+                let bias = through.iter().zip(values("generator.hidden.bias")?);
+                let bias = bias.map(|(t, b)| (t + f64::from(b)) as f32);
                 Ok(Self {
-                    units,
                     weight: by_slot(&weight, head.dims.width, units),
                     bias: bias.collect(),
                     output: values("generator.output.weight")?,

@@ -4,7 +4,7 @@ use rand::seq::index;
 use sps_base::streams::ChaCha8Rng;
 use sps_regress::{Embeddings, Spread, Views};
 
-use super::config::{Input, RelationScale, Scale};
+use super::config::{HeadConfig, Input, RelationScale, Scale};
 
 /// Centre and scale of each feature of one slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,14 +17,13 @@ pub(super) struct InputStatistics {
 impl InputStatistics {
     /// Over the given surfaces; over the fixed views, or all where they are drawn.
     pub(super) fn new(
-        scale: Scale,
-        input: &Input,
+        HeadConfig { scale, input, .. }: &HeadConfig,
         embeddings: &Embeddings,
         surfaces: &[usize],
         views: &Views,
     ) -> Self {
         let width = embeddings.width();
-        if scale == Scale::None {
+        if *scale == Scale::None {
             return Self {
                 mean: vec![0.0; width],
                 factor: vec![1.0; width],
@@ -36,23 +35,15 @@ impl InputStatistics {
             Views::Random | Views::Steps(_) => &all,
         };
         let seen = |&surface: &usize| rows(input, embeddings, surface, views);
-        let rows = surfaces.iter().flat_map(seen);
-        Self::of(scale, &Spread::of(width, rows), embeddings)
-    }
-
-    /// Each block is scaled by itself.
-    fn of(scale: Scale, spread: &Spread, embeddings: &Embeddings) -> Self {
+        let spread = Spread::of(width, surfaces.iter().flat_map(seen));
         let factors = embeddings.block_places().flat_map(|place| {
+            // Each block is scaled by itself.
             let common = spread.common(place.clone());
-            place.map(move |feature| {
-                if common == 0.0 {
-                    return 0.0;
-                }
-                let scale = match scale {
-                    Scale::PerFeature => spread.deviation(feature).max(0.1 * common),
-                    Scale::Common | Scale::None => common,
-                };
-                (1.0 / scale) as f32
+            let spread = &spread;
+            place.map(move |feature| match scale {
+                _ if common == 0.0 => 0.0,
+                Scale::PerFeature => (1.0 / spread.deviation(feature).max(0.1 * common)) as f32,
+                Scale::Common | Scale::None => (1.0 / common) as f32,
             })
         });
         Self {

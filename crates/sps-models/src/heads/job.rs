@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use sps_regress::{Embeddings, Plan, Rerun, Standardiser, TrainingData, Trial, Views};
+use sps_regress::{Embeddings, Plan, Rerun, Standardiser, TrainingData, Trial};
 
 use super::config::HeadConfig;
 use super::input::InputStatistics;
-use super::network::Dims;
+use super::network::{Dims, specs};
 use crate::error::Result;
 use crate::labels::{self, Labels};
 
@@ -75,17 +75,25 @@ pub(super) fn prepare<'a>(
     data: &TrainingData<'_>,
     plan: &'a Plan,
 ) -> Result<Vec<Job<'a>>> {
-    let shared = Shared::new(config, data, plan)?;
+    let is_wanted = |rerun: &&Rerun| plan.trials.iter().any(|t| t.rerun == rerun.number);
+    let wanted: Vec<_> = plan.reruns.iter().filter(is_wanted).collect();
+    let shared = |rerun: &Rerun| Ok((rerun.number, Shared::new(config, data, plan.seed, rerun)?));
+    let reruns: Vec<Result<_>> = wanted.into_par_iter().map(shared).collect();
+    let reruns: BTreeMap<_, _> = reruns.into_iter().collect::<Result<_>>()?;
+    let mut statistics = BTreeMap::new();
     let jobs = plan.trials.iter().filter_map(|trial| {
-        let rerun = shared.reruns.get(&trial.rerun)?;
+        let rerun = reruns.get(&trial.rerun)?;
         let column = data.readings.column(&trial.property)?;
         let reading = |surface| data.readings.get(surface, column);
         let target = Standardiser::of(rerun.training.iter().filter_map(|&s| reading(s)))?;
+        let (embeddings, training) = (data.embeddings, &rerun.training);
+        let of_views = || InputStatistics::new(config, embeddings, training, &trial.views).into();
+        let statistics = statistics.entry((trial.rerun, &trial.views));
         Some(Job {
             trial,
-            training: Part::new(&rerun.training, reading, target),
+            training: Part::new(training, reading, target),
             validation: Part::new(&rerun.validation, reading, target),
-            statistics: Arc::clone(shared.statistics.get(&(trial.rerun, &trial.views))?),
+            statistics: Arc::clone(statistics.or_insert_with(of_views)),
             target,
             labels: rerun.labels.clone(),
         })
@@ -93,53 +101,26 @@ pub(super) fn prepare<'a>(
     Ok(jobs.collect())
 }
 
-/// What several trials have in common, computed once.
-struct Shared<'a> {
-    reruns: BTreeMap<u64, SharedRerun>,
-    statistics: BTreeMap<(u64, &'a Views), Arc<InputStatistics>>,
-}
-
-struct SharedRerun {
+/// What the trials of a rerun have in common, computed once.
+struct Shared {
     training: Arc<Vec<usize>>,
     validation: Arc<Vec<usize>>,
     labels: Option<Arc<Labels>>,
 }
 
-impl<'a> Shared<'a> {
-    fn new(config: &HeadConfig, data: &TrainingData<'_>, plan: &'a Plan) -> Result<Self> {
-        let is_wanted = |rerun: &&Rerun| plan.trials.iter().any(|t| t.rerun == rerun.number);
-        let wanted: Vec<_> = plan.reruns.iter().filter(is_wanted).collect();
-        let reruns: Vec<Result<_>> = wanted
-            .into_par_iter()
-            .map(|rerun| {
-                let training = ascending(&rerun.training);
-                let validation = match config.early_stopping {
-                    Some(_) => ascending(&rerun.validation),
-                    None => Arc::default(),
-                };
-                let labels = config.model.labels();
-                let labels = labels
-                    .map(|source| labels::label(source, data, &training, plan.seed, rerun.number));
-                let shared = SharedRerun {
-                    labels: labels.transpose()?.map(Arc::new),
-                    training,
-                    validation,
-                };
-                Ok((rerun.number, shared))
-            })
-            .collect();
-        let reruns: BTreeMap<_, _> = reruns.into_iter().collect::<Result<_>>()?;
-        let mut statistics = BTreeMap::new();
-        for Trial { rerun, views, .. } in &plan.trials {
-            if let Some(SharedRerun { training, .. }) = reruns.get(rerun) {
-                statistics.entry((*rerun, views)).or_insert_with(|| {
-                    let (scale, input) = (config.scale, &config.input);
-                    let embeddings = data.embeddings;
-                    InputStatistics::new(scale, input, embeddings, training, views).into()
-                });
-            }
-        }
-        Ok(Self { reruns, statistics })
+impl Shared {
+    fn new(config: &HeadConfig, data: &TrainingData<'_>, seed: u64, rerun: &Rerun) -> Result<Self> {
+        let training = ascending(&rerun.training);
+        let label = |source| labels::label(source, data, &training, seed, rerun.number);
+        let labels = config.model.labels().map(label).transpose()?;
+        Ok(Self {
+            labels: labels.map(Arc::new),
+            training,
+            validation: match config.early_stopping {
+                Some(_) => ascending(&rerun.validation),
+                None => Arc::default(),
+            },
+        })
     }
 }
 
@@ -152,25 +133,28 @@ fn ascending(surfaces: &[usize]) -> Arc<Vec<usize>> {
 /// Groups the jobs (by index) into stacks of equal shape.
 ///
 /// How they are grouped decides the speed alone: no bit of a trial depends on its stack.
-pub(super) fn stacks<'a>(
-    jobs: &[Job<'a>],
-    parameters: impl Fn(&Job<'a>) -> usize,
-    threads: usize,
-) -> Vec<Vec<usize>> {
+pub(super) fn stacks(
+    config: &HeadConfig,
+    data: &TrainingData<'_>,
+    jobs: &[Job<'_>],
+) -> Result<Vec<Vec<usize>>> {
     let mut groups = BTreeMap::<_, Vec<usize>>::new();
     for (index, job) in jobs.iter().enumerate() {
         let shape = (job.training.len(), job.validation.len(), job.classes());
         groups.entry(shape).or_default().push(index);
     }
+    let threads = rayon::current_num_threads();
     let per_thread = jobs.len().div_ceil(threads.max(1)).max(1);
     let mut stacks = Vec::new();
     for group in groups.values() {
-        let fitting = LARGEST_STACK / parameters(&jobs[group[0]]).max(1);
+        let parameters = specs(config, jobs[group[0]].dims(config, data.embeddings))?.into_iter();
+        let counts = parameters.map(|spec| spec.shape.into_iter().product::<usize>());
+        let fitting = LARGEST_STACK / counts.sum::<usize>().max(1);
         let widest = fitting.clamp(1, WIDEST_STACK).min(per_thread);
         // Stacks of nearly equal size, so that no thread is left with a rest.
         let count = group.len().div_ceil(widest);
         let size = group.len().div_ceil(count);
         stacks.extend(group.chunks(size).map(<[usize]>::to_vec));
     }
-    stacks
+    Ok(stacks)
 }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
 
 use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
@@ -17,7 +16,6 @@ use super::network::Dims;
 use super::stack::{Stack, StackParameter};
 use super::trained::EpochLosses;
 use crate::error::Result;
-use crate::labels::Labels;
 use crate::optim::Gradient;
 
 /// One network for each property on the same views of the same surfaces.
@@ -98,6 +96,8 @@ impl JointHeads {
         };
         let dims = first.dims(&config, data.embeddings);
         let row = |values: &[f32]| Tensor::from_slice(values, (1, 1, dims.width), &Device::Cpu);
+        let labels = first.labels.iter().flat_map(|labels| &labels.of).copied();
+        let labels = first.training.surfaces.iter().copied().zip(labels);
         let surfaces = 0..data.readings.surfaces();
         let tactile = jobs.iter().map(|job| {
             let column = data.readings.column(&job.trial.property);
@@ -112,7 +112,7 @@ impl JointHeads {
             mean: row(&first.statistics.mean)?,
             factor: row(&first.statistics.factor)?,
             tactile: tactile.collect(),
-            labels: labels(first.labels.as_ref(), &first.training.surfaces),
+            labels: labels.collect(),
             stack: Stack::drawn(&config, dims, seed, &jobs)?,
             config,
         })
@@ -139,7 +139,7 @@ impl JointHeads {
         draw: Draw,
     ) -> Result<(Tensor, EpochLosses)> {
         let batch = self.batch(self.visual(embeddings, draw)?, share)?;
-        let losses = Losses::of(&self.config.model, &self.stack.network, &batch)?;
+        let losses = Losses::of(&self.stack.network, &batch)?;
         let each = 1.0 / self.tactile.len() as f64;
         let mut means = EpochLosses::default();
         for (field, term) in losses.terms() {
@@ -247,9 +247,4 @@ fn read(data: &TrainingData<'_>, surfaces: &[usize]) -> Result<Vec<String>> {
     let properties = readings.properties().iter().enumerate();
     let read = properties.filter(|(column, _)| is_read(*column));
     Ok(read.map(|(_, property)| property.clone()).collect())
-}
-
-fn labels(labels: Option<&Arc<Labels>>, surfaces: &[usize]) -> BTreeMap<usize, Option<u32>> {
-    let labels = labels.iter().flat_map(|labels| &labels.of);
-    surfaces.iter().copied().zip(labels.copied()).collect()
 }

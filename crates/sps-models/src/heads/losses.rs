@@ -7,8 +7,8 @@ use std::iter;
 
 use candle_core::{Device, Result, Tensor};
 
-use super::config::{GeneratorLoss, Model};
-use super::network::{CrossModalNetwork, Network};
+use super::config::Model;
+use super::network::Network;
 use super::trained::LossField;
 use crate::stacked::{cross_entropy, row_norm, softplus};
 
@@ -72,61 +72,42 @@ pub(super) struct Losses {
 }
 
 impl Losses {
-    pub(super) fn of(model: &Model, network: &Network, batch: &Batch) -> Result<Self> {
-        match (model, network) {
-            (Model::CrossModal(model), Network::CrossModal(network)) => {
-                Self::cross_modal(model, network, batch)
-            }
-            _ => Self::of_estimate(&network.estimate(&batch.visual)?, batch),
-        }
-    }
-
-    fn of_estimate(estimate: &Tensor, batch: &Batch) -> Result<Self> {
-        Ok(Self {
-            estimation: squared_error(estimate, &batch.tactile, &batch.weight)?,
-            others: Vec::new(),
-        })
-    }
-
-    fn cross_modal(
-        model: &super::config::CrossModal,
-        network: &CrossModalNetwork,
-        batch: &Batch,
-    ) -> Result<Self> {
-        let Batch {
-            tactile, weight, ..
-        } = batch;
+    pub(super) fn of(network: &Network, batch: &Batch) -> Result<Self> {
+        let (tactile, weight) = (&batch.tactile, &batch.weight);
+        let of_estimate = |estimate: &Tensor| -> Result<Self> {
+            Ok(Self {
+                estimation: squared_error(estimate, tactile, weight)?,
+                others: Vec::new(),
+            })
+        };
+        let Network::CrossModal(network) = network else {
+            return of_estimate(&network.estimate(&batch.visual)?);
+        };
         let seen = network.latent(&batch.visual)?;
-        let touched = network.touch(tactile)?;
         let estimate = network.generator.forward(&seen)?;
-        let mut losses = Self::of_estimate(&estimate, batch)?;
+        let mut losses = of_estimate(&estimate)?;
         let mut add = |field: LossField, loss| losses.others.push((field, loss));
-        if let Some(touched) = touched {
-            let distance = embedding_distance(&seen, &touched, weight)?;
+        if let Some(encoder) = &network.tactile {
+            let distance = embedding_distance(&seen, &encoder.forward(tactile)?, weight)?;
             add(|l| &mut l.embedding, distance);
-            if model.reconstruction_weight > 0.0 {
-                let again = network.generator.forward(&touched)?;
-                let error = squared_error(&again, tactile, weight)?;
-                add(|l| &mut l.reconstruction, error);
-            }
         }
-        if let (Some(game), Some(discriminator)) = (&model.adversarial, &network.discriminator) {
+        if let Some(discriminator) = &network.discriminator {
             // No side of the game changes what both look at, where that is trained too.
             let image = batch.visual.narrow(2, 0, batch.width)?.detach();
-            let term = discriminator.visual_term(&image)?;
+            let term = discriminator.visual.forward(&image)?;
             let real = discriminator.logit(&term, tactile)?;
             let fake = discriminator.logit(&term, &estimate.detach())?;
             // The generator plays against the discriminator as it is: same logit, but the
             // gradient passes through the estimate alone.
             let faced = discriminator.frozen().logit(&term.detach(), &estimate)?;
             let error = (&estimate - tactile)?;
-            let generator = generator_loss(game.generator, &faced, &error, weight)?;
+            let generator = generator_loss(&faced, &error, weight)?;
             add(|l| &mut l.generator, generator);
             let discriminator = discriminator_loss(&real, &fake, weight)?;
             add(|l| &mut l.discriminator, discriminator);
         }
-        if let Some(logits) = network.classify(&seen)? {
-            let classes = cross_entropy(&logits, batch.labels.clone())?;
+        if let Some(classifier) = &network.classifier {
+            let classes = cross_entropy(&classifier.forward(&seen)?, batch.labels.clone())?;
             let loss = weighted(&classes, &batch.label_weight)?;
             add(|l| &mut l.classification, loss);
         }
@@ -167,19 +148,10 @@ pub(super) fn embedding_distance(one: &Tensor, other: &Tensor, weight: &Tensor) 
     weighted(&(one - other)?.sqr()?.sum(2)?, weight)
 }
 
-/// The generator's part of `L_adv`: `E[log(1 - D(v, G))] + E[|G - t|]`, or `-log D` in place of
-/// the first; `faced` are the logits, `(trials, rows)`, `error` is `G - t`.
-pub(super) fn generator_loss(
-    kind: GeneratorLoss,
-    faced: &Tensor,
-    error: &Tensor,
-    weight: &Tensor,
-) -> Result<Tensor> {
-    let game = match kind {
-        GeneratorLoss::Minimax => softplus(faced)?.neg()?,
-        GeneratorLoss::NonSaturating => softplus(&faced.neg()?)?,
-    };
-    weighted(&(game + row_norm(error)?)?, weight)
+/// The generator's part of `L_adv`: `E[log(1 - D(v, G))] + E[|G - t|]`; `faced` are the logits,
+/// `(trials, rows)`, `error` is `G - t`.
+pub(super) fn generator_loss(faced: &Tensor, error: &Tensor, weight: &Tensor) -> Result<Tensor> {
+    weighted(&(softplus(faced)?.neg()? + row_norm(error)?)?, weight)
 }
 
 /// `-E[log D(v, t)] - E[log(1 - D(v, G))]` from the logits, `(trials, rows)`.

@@ -45,15 +45,15 @@ mod trained;
 mod validation;
 
 pub use config::{
-    Adversarial, Classification, CrossModal, EarlyStopping, GeneratorLoss, HeadConfig, Input,
-    Model, RelationScale, Scale,
+    Adversarial, Classification, CrossModal, EarlyStopping, HeadConfig, Input, Model,
+    RelationScale, Scale,
 };
 pub use fusion::FusionLoss;
 pub(crate) use joint::{Draw, JointHeads, Share};
 pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 
 use rayon::prelude::*;
-use sps_regress::{DivergedTrial, Error as RegressError, Plan, TrainingData, Views};
+use sps_regress::{Error as RegressError, Plan, TrainingData, Views};
 
 use crate::error::{Error, Result};
 
@@ -63,17 +63,6 @@ pub struct Head(HeadConfig);
 
 /// Hears of the progress of a training; calls come from several threads.
 pub trait Observer: Sync {
-    /// `trials` trials have ended epoch `epoch` of `epochs`, from 1; where all of them stop early
-    /// or diverge, the last ones do not come.
-    fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
-        let _ = (trials, epoch, epochs);
-    }
-
-    /// A trial has diverged; the others go on. It comes again in [`Observer::finished`].
-    fn diverged(&self, trial: &DivergedTrial) {
-        let _ = trial;
-    }
-
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
     /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`].
     fn stops(&self) -> bool {
@@ -138,16 +127,13 @@ impl Head {
             plan.check_validation(data)?;
         }
         let jobs = job::prepare(&self.0, data, plan)?;
-        let size = |job: &_| train::parameter_count(&self.0, data, job);
-        let stacks = job::stacks(&jobs, size, rayon::current_num_threads());
+        let stacks = job::stacks(&self.0, data, &jobs)?;
         let trained: Vec<Result<Vec<_>>> = stacks
             .par_iter()
             .map(|stack| {
                 let jobs: Vec<_> = stack.iter().map(|&index| &jobs[index]).collect();
                 let outcomes = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
-                let finished = self.trained(outcomes.iter().cloned());
-                finished.diverged.iter().for_each(|d| observer.diverged(d));
-                observer.finished(&finished);
+                observer.finished(&self.trained(outcomes.iter().cloned()));
                 Ok(stack.iter().copied().zip(outcomes).collect())
             })
             .collect();

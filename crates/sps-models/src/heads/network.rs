@@ -63,7 +63,7 @@ impl Linear {
         })
     }
 
-    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+    pub(super) fn forward(&self, x: &Tensor) -> Result<Tensor> {
         linear(x, &self.weight, &self.bias)
     }
 }
@@ -93,7 +93,8 @@ impl TwoLayers {
 /// The hidden layer is kept as two terms, `v W_v + b` and `t W_t`, because the first is the same
 /// for the measured and the generated value.
 pub(super) struct Discriminator {
-    visual: Linear,
+    /// The embedding's term.
+    pub(super) visual: Linear,
     tactile: Parameter,
     logit: Linear,
 }
@@ -123,11 +124,6 @@ impl Discriminator {
             tactile: self.tactile.frozen(),
             logit: constant(&self.logit),
         }
-    }
-
-    /// The embedding's term of the hidden layer.
-    pub(super) fn visual_term(&self, embedding: &Tensor) -> Result<Tensor> {
-        self.visual.forward(embedding)
     }
 
     /// The logit for values `(trials, rows, 1)` beside the embeddings' term.
@@ -206,9 +202,11 @@ impl Relation {
 pub(super) struct CrossModalNetwork {
     visual: Vision,
     pub(super) generator: TwoLayers,
-    tactile: Option<TwoLayers>,
+    /// From values `(trials, rows, 1)` to `e_t`, `(trials, rows, latent)`.
+    pub(super) tactile: Option<TwoLayers>,
     pub(super) discriminator: Option<Discriminator>,
-    classifier: Option<Linear>,
+    /// From `e_v` to logits, `(trials, rows, classes)`.
+    pub(super) classifier: Option<Linear>,
 }
 
 impl CrossModalNetwork {
@@ -222,10 +220,9 @@ impl CrossModalNetwork {
         Ok(Self {
             visual: Vision::new(fill, input, dims, latent)?,
             generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
-            tactile: if model.encodes_touch() {
-                Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
-            } else {
-                None
+            tactile: match model.embedding_weight {
+                0.0 => None,
+                _ => Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?),
             },
             discriminator: match &model.adversarial {
                 Some(game) => Some(Discriminator::new(fill, dims.width, game.hidden)?),
@@ -241,18 +238,6 @@ impl CrossModalNetwork {
     /// `e_v`, `(trials, rows, latent)`.
     pub(super) fn latent(&self, visual: &Tensor) -> Result<Tensor> {
         self.visual.forward(visual)
-    }
-
-    /// `e_t`, `(trials, rows, latent)`, for values `(trials, rows, 1)`.
-    pub(super) fn touch(&self, value: &Tensor) -> Result<Option<Tensor>> {
-        let touch = self.tactile.as_ref().map(|layers| layers.forward(value));
-        touch.transpose()
-    }
-
-    /// The auxiliary classifier's logits, `(trials, rows, classes)`.
-    pub(super) fn classify(&self, latent: &Tensor) -> Result<Option<Tensor>> {
-        let logits = self.classifier.as_ref().map(|one| one.forward(latent));
-        logits.transpose()
     }
 }
 

@@ -20,11 +20,9 @@ pub fn embeddings_of(tensor: &Tensor) -> Result<Embeddings> {
         [surfaces, width] => [surfaces, 1, width],
         [surfaces, views, width] => [surfaces, views, width],
         _ => {
-            return Err(Error::input(
-                "embeddings",
-                format_args!("shape {:?}", tensor.dims()),
-                "(surfaces, width) or (surfaces, views, width)",
-            ));
+            let found = format_args!("shape {:?}", tensor.dims());
+            let expected = "(surfaces, width) or (surfaces, views, width)";
+            return Err(Error::input("embeddings", found, expected));
         }
     };
     if !tensor.dtype().is_float() {

@@ -1,6 +1,6 @@
 //! Networks of one shape side by side, while they are trained.
 
-use candle_core::{Device, Var, WithDType};
+use candle_core::{Device, Result as Computed, Var, WithDType};
 use rand::Rng;
 use sps_base::streams::named_stream;
 
@@ -27,10 +27,7 @@ pub(super) struct StackParameter {
 }
 
 impl Gradient for StackParameter {
-    fn read<T: WithDType, R>(
-        &self,
-        body: impl FnOnce(&[T]) -> candle_core::Result<R>,
-    ) -> candle_core::Result<R> {
+    fn read<T: WithDType, R>(&self, body: impl FnOnce(&[T]) -> Computed<R>) -> Computed<R> {
         if !self.gradient.is_written() {
             candle_core::bail!("parameter {} has no gradient", self.name)
         }

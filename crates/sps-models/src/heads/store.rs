@@ -147,13 +147,10 @@ impl HeadMetadata {
 
     /// The head of these tensors.
     fn with(self, config: &HeadConfig, mut tensors: Weights) -> Result<TrainedHead> {
-        let (mean, factor) = (
-            tensors.get(MEAN)?.to_vec1()?,
-            tensors.get(FACTOR)?.to_vec1()?,
-        );
-        for name in [MEAN, FACTOR] {
-            tensors.remove(name);
-        }
+        let mean = tensors.get(MEAN)?.to_vec1()?;
+        let factor = tensors.get(FACTOR)?.to_vec1()?;
+        tensors.remove(MEAN);
+        tensors.remove(FACTOR);
         Ok(TrainedHead {
             dims: self.dims(config),
             statistics: InputStatistics { mean, factor },

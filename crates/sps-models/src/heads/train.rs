@@ -8,7 +8,7 @@ use super::config::HeadConfig;
 use super::course::Course;
 use super::job::Job;
 use super::losses::Losses;
-use super::network::{Network, is_discriminator, specs};
+use super::network::{Network, is_discriminator};
 use super::stack::{Stack, StackParameter};
 use super::trained::{EpochLosses, TrainedHead};
 use super::validation::Validation;
@@ -38,6 +38,7 @@ pub(super) fn train_stack(
     let mut sides = Side::of(config, &stack.parameters, jobs.len())?;
     let mut batches = Batches::new(config, data, seed, jobs);
     let validation = Validation::new(config, data, seed, jobs);
+    let patience = config.early_stopping.map_or(0, |stop| stop.patience);
     let mut courses = Course::start(jobs, validation.as_ref());
     for epoch in 0..config.epochs {
         if observer.stops() {
@@ -50,10 +51,9 @@ pub(super) fn train_stack(
         if let Some(validation) = &validation {
             let errors = validation.errors(network)?;
             for (at, (course, error)) in courses.iter_mut().zip(errors).enumerate() {
-                course.validate(validation.patience(), error, || stack.of_trial(at))?;
+                course.validate(patience, error, || stack.of_trial(at))?;
             }
         }
-        observer.epoch(jobs.len(), epoch + 1, config.epochs);
         if courses.iter().all(Course::has_ended) {
             break;
         }
@@ -70,29 +70,29 @@ fn pass(
     batches: &mut Batches<'_>,
     sides: &mut [Side],
 ) -> Result<Vec<EpochLosses>> {
-    let mut means = Means::new(batches.trials());
+    let mut sums = vec![EpochLosses::default(); batches.trials()];
+    let mut totals = vec![0.0_f64; batches.trials()];
     for start in (0..batches.rows()).step_by(config.batch_size) {
         let (batch, counts) = batches.at(start)?;
-        let losses = Losses::of(&config.model, network, &batch)?;
-        means.add(&losses, &counts)?;
+        let losses = Losses::of(network, &batch)?;
+        for (total, count) in totals.iter_mut().zip(&counts) {
+            *total += count;
+        }
+        for (field, term) in losses.terms() {
+            let values = term.to_vec1::<f32>()?;
+            for ((sum, value), count) in sums.iter_mut().zip(values).zip(&counts) {
+                *field(sum) += f64::from(value) * count;
+            }
+        }
         sides.iter().for_each(Side::clear);
         losses.total(&config.model)?.backward()?;
         for side in &mut *sides {
             side.step(config)?;
         }
     }
-    Ok(means.finish().collect())
-}
-
-/// How many parameters one trial has.
-pub(super) fn parameter_count(
-    config: &HeadConfig,
-    data: &TrainingData<'_>,
-    job: &Job<'_>,
-) -> usize {
-    let specs = specs(config, job.dims(config, data.embeddings)).unwrap_or_default();
-    let counts = specs.iter().map(|s| s.shape.iter().product::<usize>());
-    counts.sum()
+    let sums = sums.into_iter().zip(totals);
+    let means = sums.map(|(sum, total)| sum.scaled(1.0 / total.max(1.0)));
+    Ok(means.collect())
 }
 
 /// One side of the adversarial game with its optimiser; without a game there is one side.
@@ -104,22 +104,18 @@ struct Side {
 
 impl Side {
     fn of(config: &HeadConfig, parameters: &[StackParameter], trials: usize) -> Result<Vec<Self>> {
-        let (against, with): (Vec<_>, Vec<_>) = parameters
-            .iter()
-            .cloned()
-            .partition(|parameter| is_discriminator(&parameter.name));
-        [with, against]
-            .into_iter()
-            .filter(|side| !side.is_empty())
-            .map(|side| {
-                let variables = side.iter().map(|parameter| parameter.variable.clone());
-                Ok(Self {
-                    adam: Adam::new(config.adam.clone(), variables)?,
-                    parameters: side,
-                    trials,
-                })
+        let parameters = parameters.iter().cloned();
+        let (against, with): (Vec<_>, Vec<_>) = parameters.partition(|p| is_discriminator(&p.name));
+        let side = |parameters: Vec<StackParameter>| {
+            let variables = parameters.iter().map(|one| one.variable.clone());
+            Ok(Self {
+                adam: Adam::new(config.adam.clone(), variables)?,
+                parameters,
+                trials,
             })
-            .collect()
+        };
+        let sides = [with, against].into_iter();
+        sides.filter(|side| !side.is_empty()).map(side).collect()
     }
 
     fn clear(&self) {
@@ -136,38 +132,5 @@ impl Side {
             scales = clip_scales(&squares, largest);
         }
         self.adam.step(&self.parameters, &scales)
-    }
-}
-
-/// Means of the losses over an epoch, by trial.
-struct Means {
-    sums: Vec<EpochLosses>,
-    counts: Vec<f64>,
-}
-
-impl Means {
-    fn new(trials: usize) -> Self {
-        Self {
-            sums: vec![EpochLosses::default(); trials],
-            counts: vec![0.0; trials],
-        }
-    }
-
-    fn add(&mut self, losses: &Losses, counts: &[f64]) -> Result<()> {
-        for (total, count) in self.counts.iter_mut().zip(counts) {
-            *total += count;
-        }
-        for (field, term) in losses.terms() {
-            let values = term.to_vec1::<f32>()?;
-            for ((sum, value), count) in self.sums.iter_mut().zip(values).zip(counts) {
-                *field(sum) += f64::from(value) * count;
-            }
-        }
-        Ok(())
-    }
-
-    fn finish(self) -> impl Iterator<Item = EpochLosses> {
-        let sums = self.sums.into_iter().zip(self.counts);
-        sums.map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
     }
 }

@@ -23,8 +23,6 @@ pub struct EpochLosses {
     pub estimation: f64,
     /// `L_emb`.
     pub embedding: f64,
-    /// `(G(E_t(t)) - t)²`.
-    pub reconstruction: f64,
     /// The generator's part of `L_adv`.
     pub generator: f64,
     /// The discriminator's part of `L_adv`, as it is minimised.
@@ -34,16 +32,15 @@ pub struct EpochLosses {
 }
 
 impl EpochLosses {
-    const FIELDS: [LossField; 6] = [
+    const FIELDS: [LossField; 5] = [
         |l| &mut l.estimation,
         |l| &mut l.embedding,
-        |l| &mut l.reconstruction,
         |l| &mut l.generator,
         |l| &mut l.discriminator,
         |l| &mut l.classification,
     ];
 
-    pub(super) fn all(&self) -> [f64; 6] {
+    pub(super) fn all(&self) -> [f64; 5] {
         let mut own = *self;
         Self::FIELDS.map(|field| *field(&mut own))
     }
@@ -125,11 +122,11 @@ impl TrainedHead {
         let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
         let inputs = self.dims.slots * self.dims.width;
         let mut estimates = Vec::with_capacity(surfaces.len());
+        let (input, seen) = (&config.input, &self.statistics);
         for some in surfaces.chunks(ROWS) {
             let mut visual = Vec::with_capacity(ROWS * inputs);
             for &surface in some {
-                let (input, statistics) = (&config.input, &self.statistics);
-                statistics.push_seen(input, embeddings, surface, &views, &mut visual);
+                seen.push_seen(input, embeddings, surface, &views, &mut visual);
             }
             visual.resize(ROWS * inputs, 0.0);
             let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;
@@ -219,7 +216,7 @@ impl TrainedHeads {
                 values: head.estimate(self.config(), embeddings)?,
             })
         });
-        let estimates: Vec<Result<Estimates>> = estimates.collect();
+        let estimates: Vec<Result<_>> = estimates.collect();
         estimates.into_iter().collect()
     }
 }

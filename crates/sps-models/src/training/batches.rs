@@ -110,13 +110,13 @@ fn read(
             let mut rng = named_stream(vary.seed, &purpose, index as u64);
             Ok(image.varied(vary.augmentation, &mut rng))
         });
-        let batch = shown
-            .collect::<Result<Vec<Image>>>()
-            .and_then(|shown| stack(&shown, &images))
-            .map(|tensor| Batch {
-                tensor,
+        let shown: Result<Vec<Image>> = shown.collect();
+        let batch = shown.and_then(|shown| {
+            Ok(Batch {
+                tensor: stack(&shown, &images)?,
                 surfaces: surfaces.clone(),
-            });
+            })
+        });
         // Nobody listens any more once training has failed.
         if ready.send(batch).is_err() {
             return;
@@ -126,20 +126,17 @@ fn read(
 
 /// One image, with its index where it cannot be had.
 pub(super) fn image(source: &dyn ImageSource, index: usize) -> Result<Image> {
-    source
-        .image(index)
-        .map_err(|source| Error::Image { index, source })
+    let image = source.image(index);
+    image.map_err(|source| Error::Image { index, source })
 }
 
 /// `(images, 3, [frames,] height, width)` of images of one size.
 pub(super) fn stack(shown: &[Image], indices: &[usize]) -> Result<Tensor> {
     let shape = shown.first().map_or(Vec::new(), Image::shape);
     if let Some(at) = shown.iter().position(|i| i.shape() != shape) {
-        return Err(Error::input(
-            "image size",
-            format_args!("{:?} of image {}", shown[at].shape(), indices[at]),
-            format_args!("{shape:?}, as of image {}", indices[0]),
-        ));
+        let found = format_args!("{:?} of image {}", shown[at].shape(), indices[at]);
+        let expected = format_args!("{shape:?}, as of image {}", indices[0]);
+        return Err(Error::input("image size", found, expected));
     }
     let values: Vec<f32> = shown.iter().flat_map(Image::pixels).copied().collect();
     let axes = shape.len();
@@ -179,9 +176,8 @@ mod tests {
     }
 
     fn message(batches: &[Vec<usize>]) -> String {
-        let augmentation = Augmentation::default();
         let vary = Vary {
-            augmentation: &augmentation,
+            augmentation: &Augmentation::default(),
             seed: 0,
             epoch: 0,
             views: 1,

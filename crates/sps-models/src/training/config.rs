@@ -43,10 +43,6 @@ pub struct TrainingConfig {
     pub validation: f64,
     /// Epochs without a better one after which training ends; 0: it never ends early.
     pub patience: usize,
-    /// How much it counts, beside the objective, that the encoder still sees what it saw before it was
-    /// trained ([`Targets::start`](super::Targets::start)): its error, standardised, by a linear layer of
-    /// its own. 0: nothing.
-    pub distillation: f64,
     /// How images are varied.
     pub augmentation: Augmentation,
 }
@@ -68,7 +64,7 @@ pub enum TrainingObjective {
         #[serde(default = "single")]
         input: Input,
         /// How embeddings are scaled, by what the encoder saw before it was trained.
-        #[serde(default = "common")]
+        #[serde(default)]
         scale: Scale,
         /// What stands between embedding and value.
         #[serde(default = "cross_modal")]
@@ -134,10 +130,6 @@ fn single() -> Input {
     Input::Single {}
 }
 
-fn common() -> Scale {
-    Scale::Common
-}
-
 fn cross_modal() -> Model {
     HeadConfig::default().model
 }
@@ -180,7 +172,6 @@ impl Default for TrainingConfig {
             precision: Precision::F32,
             validation: 0.1,
             patience: 0,
-            distillation: 0.0,
             augmentation: Augmentation::default(),
         }
     }
@@ -230,16 +221,12 @@ impl TrainingConfig {
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
-        let weight = self.distillation;
-        let sensible = weight.is_finite() && weight >= 0.0;
-        require(sensible, "distillation", weight, "0 or more")?;
         self.augmentation.check()
     }
 
     /// Whether targets must hold what the encoder sees before it is trained.
     pub fn needs_start(&self) -> bool {
-        let heads = matches!(self.objective, TrainingObjective::Heads { .. });
-        heads || self.distillation > 0.0
+        matches!(self.objective, TrainingObjective::Heads { .. })
     }
 
     /// The learning rate of step `step` of `steps`.
@@ -337,23 +324,12 @@ mod tests {
         refused(|c| c.batch_size = 1, "batch-size");
         refused(|c| c.micro_batch_size = Some(1), "micro-batch-size");
         refused(|c| c.micro_batch_size = Some(17), "micro-batch-size");
-        refused(|c| c.adam.learning_rate = f64::NAN, "adam.learning-rate");
-        refused(|c| c.adam.weight_decay = -0.1, "adam.weight-decay");
         refused(|c| c.adam.beta1 = 1.0, "adam.beta1");
-        refused(|c| c.adam.beta2 = -0.1, "adam.beta2");
-        refused(|c| c.adam.epsilon = 0.0, "adam.epsilon");
         refused(|c| c.warmup = 1.0, "warmup");
         refused(|c| c.validation = -0.1, "validation");
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");
         refused(|c| c.precision = Precision::Int8, "precision");
-        refused(
-            |c| {
-                c.patience = 3;
-                c.validation = 0.0;
-            },
-            "patience",
-        );
-        refused(|c| c.distillation = -1.0, "distillation");
+        refused(|c| (c.patience, c.validation) = (3, 0.0), "patience");
         refused(|c| c.augmentation.crop = 0.0, "augmentation.crop");
         refused(|c| c.augmentation.contrast = 1.0, "augmentation.contrast");
     }

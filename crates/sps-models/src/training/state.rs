@@ -91,13 +91,9 @@ impl Trainer {
         let encoder = Encoder::new(kind, tensors.part("encoder/"))?;
         let encoder = encoder.with_depths(&metadata.depths)?;
         let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
+        let same = trainer.data == metadata.data;
         let expected = "a state of these targets and parts";
-        require(
-            trainer.data == metadata.data,
-            "training state",
-            name,
-            expected,
-        )?;
+        require(same, "training state", name, expected)?;
         let layers = tensors.part("objective/");
         for (name, variable) in trainer.objective.parameters() {
             variable.set(layers.get(&name)?)?;
@@ -144,10 +140,7 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
     });
     let classes = targets.classes.as_ref();
     let classes = classes.map(|classes| (&classes.of_image, classes.count));
-    let Parts {
-        training,
-        validation,
-    } = parts;
+    let (training, validation) = (&parts.training, &parts.validation);
     let materials = &targets.materials;
     let text = serde_json::to_vec(&(values, classes, materials, training, validation))
         .map_err(|error| Error::input("targets", error, "numbers that JSON has"))?;

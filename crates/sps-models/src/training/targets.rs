@@ -85,25 +85,20 @@ impl Targets {
 impl Features {
     /// How many images there are features of.
     fn images(&self) -> Result<usize> {
-        let Self {
-            embeddings,
-            blocks,
-            weight,
-        } = self;
-        let positive = weight.is_finite() && *weight > 0.0;
+        let (embeddings, weight) = (&self.embeddings, self.weight);
+        let positive = weight.is_finite() && weight > 0.0;
         require(positive, "weight of features", weight, "above 0")?;
-        let width: usize = blocks.iter().map(|block| block.width).sum();
+        let width: usize = self.blocks.iter().map(|block| block.width).sum();
         match *embeddings.dims() {
-            [_, found] if !blocks.is_empty() && found != width => {
+            [_, found] if !self.blocks.is_empty() && found != width => {
                 let expected = format_args!("{width}, the width of all blocks");
                 Err(Error::input("width of features", found, expected))
             }
             [images, _] if embeddings.dtype() == DType::F32 => Ok(images),
-            _ => Err(Error::input(
-                "features",
-                format_args!("{} {:?}", embeddings.dtype().as_str(), embeddings.dims()),
-                "f32 (images, width)",
-            )),
+            ref other => {
+                let found = format_args!("{} {other:?}", embeddings.dtype().as_str());
+                Err(Error::input("features", found, "f32 (images, width)"))
+            }
         }
     }
 

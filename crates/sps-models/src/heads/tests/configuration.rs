@@ -23,7 +23,7 @@ fn a_configuration_reads_and_writes_as_toml() {
         [model]
         kind = "cross-modal"
         latent = 100
-        adversarial = { generator = "non-saturating" }
+        adversarial = { weight = 0.5 }
         classification = { labels = { source = "tactile-cluster", clusters = 8 } }
 
         [adam]
@@ -38,11 +38,11 @@ fn a_configuration_reads_and_writes_as_toml() {
     assert_eq!(config.epochs, 30);
     assert_eq!(config.input, Input::LateFusion { views: 3 });
     assert_eq!(config.adam.weight_decay, 0.1);
-    let expected = EarlyStopping {
-        patience: 5,
-        validation: 0.15,
-    };
-    assert_eq!(config.early_stopping, Some(expected));
+    let early_stopping = config.early_stopping.unwrap();
+    assert_eq!(
+        (early_stopping.patience, early_stopping.validation),
+        (5, 0.15)
+    );
     let again = toml::to_string(&config).unwrap();
     assert_eq!(toml::from_str::<HeadConfig>(&again).unwrap(), config);
     let regression = "model = { kind = \"regression\" }";
@@ -68,26 +68,20 @@ fn a_misspelt_key_is_refused_at_every_level() {
 
 #[test]
 fn each_value_out_of_range_is_named() {
-    // Most are named by what stands before the first ` = `.
+    // Most are named by what stands before the first ` = `. Those of Adam are in `optim/tests.rs`.
     let named = |text: &'static str| (text, text.split(" = ").next().unwrap());
     let simple = [
         "epochs = 0",
         "batch-size = 0",
         "clip-norm = 0.0",
         "clip-norm = nan",
-        "adam.learning-rate = -1.0",
-        "adam.learning-rate = inf",
-        "adam.epsilon = 0.0",
-        "adam.beta1 = 1.0",
         "adam.beta2 = -0.1",
-        "adam.weight-decay = -0.1",
-        "adam.weight-decay = inf",
         "early-stopping.validation = 0.0",
         "early-stopping.validation = 1.0",
         "model.latent = 0",
         "model.hidden = 0",
         "model.embedding-weight = -1.0",
-        "model.reconstruction-weight = nan",
+        "model.embedding-weight = nan",
         "model.adversarial.weight = 0.0",
         "model.adversarial.hidden = 0",
     ];

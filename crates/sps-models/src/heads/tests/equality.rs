@@ -1,7 +1,5 @@
 //! A trial has the same bits in any stack, on any number of threads, in any part of a plan.
 
-use std::sync::Mutex;
-
 use super::*;
 
 fn assert_same(one: &TrainedHeads, other: &TrainedHeads) {
@@ -18,7 +16,6 @@ fn configs() -> Vec<HeadConfig> {
     regression.model = Model::Regression {};
     let mut clipped = full();
     clipped.clip_norm = Some(0.5);
-    cross_modal(&mut clipped).reconstruction_weight = 0.3;
     // Widths that fill several registers of the product's kernels and leave a rest.
     let mut wide = full();
     cross_modal(&mut wide).latent = 50;
@@ -27,7 +24,7 @@ fn configs() -> Vec<HeadConfig> {
 }
 
 #[test]
-fn stacked_training_is_one_by_one_to_the_bit() {
+fn neither_the_stack_nor_the_number_of_threads_changes_a_bit() {
     let set = Set::new(43, 1, 130, 5);
     for config in configs() {
         let plan = set.plan(3);
@@ -39,17 +36,9 @@ fn stacked_training_is_one_by_one_to_the_bit() {
             ..together.clone()
         };
         assert_same(&together, &alone);
-    }
-}
-
-#[test]
-fn the_number_of_threads_changes_no_bit() {
-    let set = Set::new(43, 1, 130, 5);
-    for config in configs() {
-        let plan = set.plan(3);
-        let one = on_threads(1, || set.train(&config, &plan));
         for threads in [2, 3, 8] {
-            assert_same(&one, &on_threads(threads, || set.train(&config, &plan)));
+            let trained = on_threads(threads, || set.train(&config, &plan));
+            assert_same(&together, &trained);
         }
     }
 }
@@ -109,22 +98,15 @@ fn a_surface_is_estimated_alike_whichever_surfaces_stand_beside_it() {
 
 #[test]
 fn a_training_ends_where_its_observer_stops_it() {
-    struct Stop(Mutex<usize>);
-    impl Observer for Stop {
-        fn epoch(&self, _: usize, epoch: usize, _: usize) {
-            *self.0.lock().unwrap() = epoch;
-        }
-        fn stops(&self) -> bool {
-            *self.0.lock().unwrap() == 2
-        }
-    }
     let set = Set::new(20, 1, 5, 1);
-    let stop = Stop(Mutex::default());
+    let record = Record {
+        stops_after: Some(2),
+        ..Record::default()
+    };
     let head = Head::new(full()).unwrap();
     assert!(full().epochs > 2);
-    let ended = head.train(&set.data(), &set.plan(1), &stop).unwrap_err();
-    assert!(ended.to_string().contains("stopped"), "{ended}");
-    assert_eq!(*stop.0.lock().unwrap(), 2);
+    golden::refused(head.train(&set.data(), &set.plan(1), &record), "stopped");
+    assert_eq!(record.epochs.into_inner(), 3);
 }
 
 #[test]
@@ -133,9 +115,9 @@ fn finished_trials_are_reported_once_each() {
     let plan = set.plan(4);
     let record = Record::default();
     let head = Head::new(full()).unwrap();
-    head.train(&set.data(), &plan, &record).unwrap();
-    let epochs = record.epochs.into_inner().unwrap();
-    assert_eq!(epochs, plan.trials.len() * full().epochs);
+    let trained = head.train(&set.data(), &plan, &record).unwrap();
+    let epochs = trained.heads().iter().map(|head| head.history().len());
+    assert_eq!(epochs.sum::<usize>(), plan.trials.len() * full().epochs);
     let mut finished = record.finished.into_inner().unwrap();
     let mut planned = plan.trials.clone();
     let key = |trial: &Trial| (trial.rerun, trial.property.clone());

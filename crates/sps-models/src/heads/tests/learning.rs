@@ -6,16 +6,14 @@ use super::*;
 fn r2(set: &Set, trained: &TrainedHeads, plan: &Plan) -> f64 {
     let mut scores = Vec::new();
     for rerun in &plan.reruns {
-        let out: Vec<usize> = (0..set.embeddings.surfaces())
-            .filter(|s| !rerun.training.contains(s))
-            .collect();
+        let out = (0..set.embeddings.surfaces()).filter(|s| !rerun.training.contains(s));
+        let out: Vec<usize> = out.collect();
         let embeddings = set.embeddings.select(&out, &[0]).unwrap();
         let own = trained.filter(|trial| trial.rerun == rerun.number);
         for estimates in own.predict(&embeddings).unwrap() {
             let column = set.readings.column(&estimates.property).unwrap();
             let truth = |s: usize| set.readings.get(s, column).unwrap();
-            let mean: f64 = rerun.training.iter().map(|&s| truth(s)).sum();
-            let mean = mean / rerun.training.len() as f64;
+            let (mean, _) = moments(rerun.training.iter().map(|&s| truth(s)));
             let pairs = out.iter().zip(&estimates.values);
             let residual: f64 = pairs.map(|(&s, e)| (truth(s) - e).powi(2)).sum();
             let variance: f64 = out.iter().map(|&s| (truth(s) - mean).powi(2)).sum();
@@ -90,7 +88,7 @@ fn a_missing_reading_is_a_surface_that_is_not_there() {
     plan.reruns[0].training.retain(|&s| !missing(s));
     let without = set.train(&config, &plan);
     let [masked, without] = [masked, without].map(|t| t.predict(&set.embeddings).unwrap());
-    let error = crate::golden::error(&masked[0].values, &without[0].values);
+    let error = golden::error(&masked[0].values, &without[0].values);
     assert!(error < 1e-6, "{error:e}");
 }
 

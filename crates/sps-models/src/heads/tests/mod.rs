@@ -11,12 +11,13 @@ mod stopping;
 mod storage;
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use candle_core::{Device, Tensor};
-use sps_regress::{Embeddings, Estimates, Readings, Rerun, Trial};
+use sps_regress::{DivergedTrial, Embeddings, Estimates, Readings, Rerun, Trial};
 
 use super::*;
-use crate::golden::{on_threads, uniform};
+use crate::golden::{self, on_threads, uniform};
 use crate::labels::LabelSource;
 
 /// A small data set of which half the variation of each property can be seen.
@@ -31,17 +32,13 @@ impl Set {
         let seen = uniform("heads.seen", surfaces * views * width);
         let noise = uniform("heads.noise", surfaces * properties);
         let mixing = uniform("heads.mixing", width * properties);
-        let rows: Vec<Vec<_>> = (0..surfaces)
-            .map(|s| {
-                let of = |p: usize| {
-                    let features = &seen[s * views * width..][..width];
-                    let mixed = features.iter().enumerate();
-                    let sum: f64 = mixed.map(|(f, x)| x * mixing[f * properties + p]).sum();
-                    Some(40.0 + 10.0 * sum + 5.0 * noise[s * properties + p])
-                };
-                (0..properties).map(of).collect()
-            })
-            .collect();
+        let reading = |s: usize, p: usize| {
+            let mixed = seen[s * views * width..][..width].iter().enumerate();
+            let sum: f64 = mixed.map(|(f, x)| x * mixing[f * properties + p]).sum();
+            Some(40.0 + 10.0 * sum + 5.0 * noise[s * properties + p])
+        };
+        let row = |s| (0..properties).map(|p| reading(s, p)).collect();
+        let rows: Vec<Vec<_>> = (0..surfaces).map(row).collect();
         let seen: Vec<f32> = seen.iter().map(|&x| x as f32).collect();
         let names = (0..properties).map(|p| format!("p{p}")).collect();
         Self {
@@ -88,36 +85,35 @@ impl Set {
         self.train(config, &plan).heads.remove(0)
     }
 
-    /// Why a training is refused.
-    pub(super) fn refusal(&self, config: HeadConfig, plan: &Plan) -> String {
+    /// A training is refused for a reason with `expected` in it.
+    #[track_caller]
+    pub(super) fn refuses(&self, config: HeadConfig, plan: &Plan, expected: &str) {
         let head = Head::new(config).unwrap();
-        let refused = head.train(&self.data(), plan, &());
-        refused.unwrap_err().to_string()
+        golden::refused(head.train(&self.data(), plan, &()), expected);
     }
 }
 
 /// What an observer hears.
 #[derive(Default)]
 pub(super) struct Record {
-    /// Epochs, one for each trial that ended it.
-    pub(super) epochs: Mutex<usize>,
+    /// Epochs that a stack has asked for.
+    pub(super) epochs: AtomicUsize,
+    pub(super) stops_after: Option<usize>,
     pub(super) diverged: Mutex<Vec<DivergedTrial>>,
     pub(super) finished: Mutex<Vec<Trial>>,
 }
 
 impl Observer for Record {
-    fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
-        assert!((1..=epochs).contains(&epoch));
-        *self.epochs.lock().unwrap() += trials;
-    }
-
-    fn diverged(&self, trial: &DivergedTrial) {
-        self.diverged.lock().unwrap().push(trial.clone());
+    fn stops(&self) -> bool {
+        let done = self.epochs.fetch_add(1, Ordering::Relaxed);
+        self.stops_after.is_some_and(|most| done >= most)
     }
 
     fn finished(&self, heads: &TrainedHeads) {
         let trials = heads.heads().iter().map(|head| head.trial().clone());
         self.finished.lock().unwrap().extend(trials);
+        let diverged = heads.diverged().iter().cloned();
+        self.diverged.lock().unwrap().extend(diverged);
     }
 }
 
@@ -144,6 +140,14 @@ pub(super) fn full() -> HeadConfig {
     }
 }
 
+/// Mean and variance.
+pub(super) fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let count = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let squares = values.map(|v| (v - mean).powi(2));
+    (mean, squares.sum::<f64>() / count)
+}
+
 /// The cross-modal part of a configuration.
 pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
     match &mut config.model {
@@ -155,7 +159,7 @@ pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
 /// All parameters.
 pub(super) fn weights(head: &TrainedHead) -> Vec<f64> {
     let parameters = head.parameters.iter();
-    let values = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
+    let values = parameters.flat_map(|(_, tensor)| golden::values(tensor));
     values.collect()
 }
 

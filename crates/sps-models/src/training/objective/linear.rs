@@ -48,14 +48,8 @@ impl Linear {
 
     /// The loss of `embeddings`, `(images, width)`, of the given images: as a tensor to
     /// differentiate, and its parts as numbers.
-    pub(super) fn loss(
-        &self,
-        embeddings: &Tensor,
-        Share {
-            surfaces: images,
-            of,
-        }: Share<'_>,
-    ) -> Result<(Tensor, Losses)> {
+    pub(super) fn loss(&self, embeddings: &Tensor, share: Share<'_>) -> Result<(Tensor, Losses)> {
+        let (images, of) = (share.surfaces, share.of);
         let mut losses = Losses::default();
         let mut total = nothing(embeddings)?;
         if let Some((standards, layer)) = &self.values {

@@ -7,7 +7,7 @@ mod tests;
 use std::ops::Range;
 
 use candle_core::backprop::GradStore;
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Tensor, Var};
 use serde::{Deserialize, Serialize};
 use sps_regress::{TrainingData, places};
 
@@ -70,8 +70,6 @@ pub struct Losses {
     pub features: f64,
     /// `L_emb` of the heads.
     pub embedding: f64,
-    /// The error of the heads' values from touch.
-    pub reconstruction: f64,
     /// The generator's part of `L_adv`.
     pub generator: f64,
     /// The discriminator's part of `L_adv`, as it is minimised.
@@ -80,13 +78,12 @@ pub struct Losses {
 
 impl Losses {
     /// Its fields; the first is no part of the sum.
-    const FIELDS: [fn(&mut Self) -> &mut f64; 8] = [
+    const FIELDS: [fn(&mut Self) -> &mut f64; 7] = [
         |l| &mut l.accuracy,
         |l| &mut l.values,
         |l| &mut l.classes,
         |l| &mut l.features,
         |l| &mut l.embedding,
-        |l| &mut l.reconstruction,
         |l| &mut l.generator,
         |l| &mut l.discriminator,
     ];
@@ -110,7 +107,6 @@ impl Losses {
             values: weights.estimation * losses.estimation,
             classes: weights.classification * losses.classification,
             embedding: weights.embedding * losses.embedding,
-            reconstruction: weights.reconstruction * losses.reconstruction,
             generator: weights.generator * losses.generator,
             discriminator: weights.discriminator * losses.discriminator,
             ..Self::default()
@@ -136,7 +132,7 @@ impl Objective {
             let what = "what the encoder sees at the start";
             require(found == expected, what, seen(found), seen(expected))?;
         }
-        let taught = taught_by(&targets, config.distillation)?;
+        let features = targets.features.clone();
         let base = match &config.objective {
             TrainingObjective::Linear {} => {
                 let values = (targets.values, targets.classes);
@@ -156,7 +152,7 @@ impl Objective {
                 }
             }
         };
-        let features = taught.map(|features| {
+        let features = features.map(|features| {
             Ok::<_, Error>(Taught {
                 features: features.standardised(&images)?,
                 weight: features.weight,
@@ -169,12 +165,12 @@ impl Objective {
 
     /// The parameters, by name.
     pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
-        let features = self.features.iter().flat_map(Taught::layers);
+        let features = self.features.iter().flat_map(|taught| &taught.blocks);
         let mut parameters: Vec<(String, &Var)> = match &self.base {
             Base::Linear(linear) => linear.layers().flat_map(Layer::parameters).collect(),
             Base::Heads { heads, .. } => heads.parameters().collect(),
         };
-        parameters.extend(features.flat_map(Layer::parameters));
+        parameters.extend(features.flat_map(|block| block.layer.parameters()));
         parameters.into_iter()
     }
 
@@ -252,10 +248,6 @@ impl Objective {
 }
 
 impl Taught {
-    fn layers(&self) -> impl Iterator<Item = &Layer> {
-        self.blocks.iter().map(|block| &block.layer)
-    }
-
     /// The mean over the blocks of the mean squared error of their features.
     fn loss(&self, embeddings: &Tensor, Share { surfaces, of }: Share<'_>) -> Result<Tensor> {
         let images = embeddings.dim(0)?;
@@ -265,16 +257,11 @@ impl Taught {
         let rows = Tensor::new(rows, embeddings.device())?;
         let wanted = self.features.index_select(&rows, 0)?;
         let mut sum = nothing(embeddings)?;
-        for TaughtBlock {
-            wanted: range,
-            from,
-            layer,
-        } in &self.blocks
-        {
-            let wanted = wanted.narrow(1, range.start, range.len())?;
-            let seen = embeddings.narrow(1, from.start, from.len())?;
-            let error = layer.apply(&seen)?.sub(&wanted)?;
-            let count = of.len() * views * range.len() * self.blocks.len();
+        for block in &self.blocks {
+            let wanted = wanted.narrow(1, block.wanted.start, block.wanted.len())?;
+            let seen = embeddings.narrow(1, block.from.start, block.from.len())?;
+            let error = block.layer.apply(&seen)?.sub(&wanted)?;
+            let count = of.len() * views * block.wanted.len() * self.blocks.len();
             sum = (sum + (error.sqr()?.sum_all()? / count as f64)?)?;
         }
         Ok((sum * self.weight)?)
@@ -299,30 +286,6 @@ fn tables(targets: &Targets) -> Result<TrainingData<'_>> {
         Some(materials) => data.with_materials(materials),
         None => data,
     })
-}
-
-/// What is learnt by features: a teacher's, or what the encoder itself saw at the start.
-fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
-    if distillation == 0.0 {
-        return Ok(targets.features.clone());
-    }
-    let Some(start) = &targets.start else {
-        let expected = "what the encoder sees at the start, for distillation";
-        return Err(Error::input("targets", "none", expected));
-    };
-    let (other, found) = (&targets.features, "features of another encoder");
-    require(
-        other.is_none(),
-        "targets",
-        found,
-        "none beside distillation",
-    )?;
-    let shape = (start.surfaces() * start.views(), start.width());
-    Ok(Some(Features {
-        embeddings: Tensor::from_slice(start.values(), shape, &Device::Cpu)?,
-        blocks: Vec::new(),
-        weight: distillation,
-    }))
 }
 
 /// What each of a teacher's blocks is learnt from, and by.

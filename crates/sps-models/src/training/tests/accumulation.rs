@@ -5,29 +5,21 @@ use super::*;
 use crate::encoders::Depths;
 use crate::training::batches::Batch;
 
-fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> TrainingConfig {
-    TrainingConfig {
-        micro_batch_size,
-        ..config
-    }
+fn in_parts(mut config: TrainingConfig, at_once: Option<usize>) -> TrainingConfig {
+    config.micro_batch_size = at_once;
+    config
 }
 
 /// The gradients and losses of one step of eleven surfaces, whole and in parts of 2 and 3: of a network without batch
 /// norm, which would see the parts one by one.
 fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig) -> f64 {
     let surfaces: Vec<usize> = (0..11).collect();
-    let views = targets.views();
-    let images = batches::images(&surfaces, views);
-    let shown: Vec<Image> = images.iter().map(|&i| source.image(i).unwrap()).collect();
     let batch = Batch {
-        tensor: batches::stack(&shown, &images).unwrap(),
+        tensor: shown(source, surfaces.len() * targets.views()),
         surfaces: surfaces.clone(),
     };
     let step = |at_once| {
-        let parts = Parts {
-            training: surfaces.clone(),
-            validation: Vec::new(),
-        };
+        let parts = parts(surfaces.clone(), []);
         let config = in_parts(config.clone(), at_once);
         let trainer = Trainer::new(&without_norms(), targets.clone(), parts, config, 5);
         let mut trainer = trainer.unwrap();

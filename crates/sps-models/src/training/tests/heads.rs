@@ -9,9 +9,7 @@ use sps_regress::Embeddings;
 
 use super::*;
 use crate::embeddings_of;
-use crate::heads::{
-    Adversarial, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale, Share,
-};
+use crate::heads::{Adversarial, CrossModal, Input, Model, RelationScale, Scale, Share};
 use crate::optim::AdamConfig;
 
 #[derive(Deserialize)]
@@ -81,10 +79,7 @@ impl Golden {
             augmentation: Augmentation::STILL,
             ..TrainingConfig::default()
         };
-        let parts = Parts {
-            training: (0..SURFACES).collect(),
-            validation: Vec::new(),
-        };
+        let parts = parts(0..SURFACES, []);
         let start = golden::encoder(self.kind);
         let trainer = Trainer::new(&start, self.targets(), parts, config, 0).unwrap();
         for (name, variable) in trainer.objective.parameters() {
@@ -118,7 +113,7 @@ fn fill(case: &str, name: &str, variable: &Var) {
 }
 
 pub(super) fn model() -> Model {
-    golden::cross_modal(GeneratorLoss::Minimax)
+    golden::cross_modal()
 }
 
 /// The largest difference of a step's losses, over their sum.
@@ -127,7 +122,6 @@ fn error(losses: &Losses, expected: &BTreeMap<String, f64>) -> f64 {
     let by_name = [
         ("estimation", losses.values),
         ("embedding", losses.embedding),
-        ("reconstruction", losses.reconstruction),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),
         ("classification", losses.classes),
@@ -152,14 +146,10 @@ fn losses_and_gradients_are_pytorchs() {
     ] {
         let expected = expected(golden.case);
         let mut trainer = golden.trainer();
-        let images: Vec<usize> = (0..SURFACES * golden.views).collect();
-        let shown: Vec<Image> = images.iter().map(|&i| golden.image(i).unwrap()).collect();
-        let batch = batches::stack(&shown, &images).unwrap();
+        let batch = shown(&golden, SURFACES * golden.views);
         let embeddings = trainer.encoder.forward(&batch).unwrap();
-        let surfaces: Vec<usize> = (0..SURFACES).collect();
-        let loss = trainer
-            .objective
-            .loss(&embeddings, Share::whole(&surfaces), 0);
+        let surfaces = Share::whole(&[0, 1, 2, 3]);
+        let loss = trainer.objective.loss(&embeddings, surfaces, 0);
         let (loss, losses) = loss.unwrap();
         let found = error(&losses, &expected.losses[0]);
         assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
@@ -232,10 +222,8 @@ impl Pairs {
     /// What `encoder` has to tell.
     pub(super) fn targets_of(&self, encoder: &Encoder) -> Targets {
         let surfaces = self.0.brightness.len();
-        let images: Vec<usize> = (0..2 * surfaces).collect();
-        let shown: Vec<Image> = images.iter().map(|&i| self.image(i).unwrap()).collect();
-        let seen = encoder.embed(&batches::stack(&shown, &images).unwrap());
-        let seen = seen.unwrap().reshape((surfaces, 2, ())).unwrap();
+        let seen = encoder.embed(&shown(self, 2 * surfaces)).unwrap();
+        let seen = seen.reshape((surfaces, 2, ())).unwrap();
         Targets {
             classes: None,
             start: Some(embeddings_of(&seen).unwrap()),
@@ -331,9 +319,7 @@ fn a_discriminator_moves_no_encoder() {
         });
         let config = through_heads(Input::LateFusion { views: 2 }, model);
         let mut trainer = pairs.trainer(config);
-        let shown: Vec<Image> = (0..8).map(|i| pairs.image(i).unwrap()).collect();
-        let batch = batches::stack(&shown, &[0; 8]).unwrap();
-        let embeddings = trainer.encoder.forward(&batch).unwrap();
+        let embeddings = trainer.encoder.forward(&shown(&pairs, 8)).unwrap();
         let share = Share::whole(&[0, 1, 2, 3]);
         let (loss, _) = trainer.objective.loss(&embeddings, share, 0).unwrap();
         let store = trainer.encoder.backward(&loss).unwrap();
@@ -353,46 +339,33 @@ mod hard_cases {
     use super::*;
 
     fn refused(targets: Targets, input: Input, expected: &str) {
-        let pairs = Pairs::new(24);
-        let parts = pairs.0.parts();
-        let error =
-            Trainer::new(&start(), targets, parts, through_heads(input, model()), 5).unwrap_err();
-        let message = error.to_string();
-        assert!(message.contains(expected), "{message}");
+        let config = through_heads(input, model());
+        let trainer = Trainer::new(&start(), targets, parts(0..16, 16..24), config, 5);
+        golden::refused(trainer, expected);
     }
 
     #[test]
     fn targets_that_heads_cannot_learn_are_refused() {
-        let pairs = Pairs::new(24);
-        let fusion = || Input::LateFusion { views: 2 };
-        let change = |change: fn(&mut Targets)| {
-            let mut targets = pairs.targets();
+        let targets = Pairs::new(24).targets();
+        let refused = |change: &dyn Fn(&mut Targets), expected: &str| {
+            let mut targets = targets.clone();
             change(&mut targets);
-            targets
+            refused(targets, Input::LateFusion { views: 2 }, expected);
         };
-        let without = change(|t| t.start = None);
-        refused(without, fusion(), "what the encoder sees at the start");
-        let with = change(|t| {
-            let of_image = vec![0; 24];
-            t.classes = Some(Classes { of_image, count: 1 });
-        });
-        refused(with, fusion(), "heads form their labels themselves");
-        refused(change(|t| t.materials = None), fusion(), "materials");
-        let short = change(|t| {
-            t.materials.as_mut().unwrap().pop();
-        });
-        refused(short, fusion(), "23");
-        let wide = change(|t| {
-            t.start = Some(Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap());
-        });
-        refused(wide, fusion(), "width 7");
-        let odd = change(|t| t.features = Some(features(golden::input("odd", &[47, 5]), 1.0)));
-        refused(odd, fusion(), "a multiple of 2");
-        let unread = change(|t| {
-            let rows = vec![vec![None]; 24];
-            t.values = Some(Readings::new(vec!["brightness".into()], &rows).unwrap());
-        });
-        refused(unread, fusion(), "at least one that a training surface");
+        refused(&|t| t.start = None, "what the encoder sees at the start");
+        let (of_image, count) = (vec![0; 24], 1);
+        let classes = Some(Classes { of_image, count });
+        let expected = "heads form their labels themselves";
+        refused(&|t| t.classes.clone_from(&classes), expected);
+        refused(&|t| t.materials = None, "materials");
+        refused(&|t| drop(t.materials.as_mut().unwrap().pop()), "23");
+        let wide = Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap();
+        refused(&|t| t.start = Some(wide.clone()), "width 7");
+        let odd = Some(features(golden::input("odd", &[47, 5]), 1.0));
+        refused(&|t| t.features.clone_from(&odd), "a multiple of 2");
+        let unread = Readings::new(vec!["brightness".into()], &vec![vec![None]; 24]).unwrap();
+        let expected = "at least one that a training surface";
+        refused(&|t| t.values = Some(unread.clone()), expected);
     }
 
     #[test]
@@ -410,16 +383,12 @@ mod hard_cases {
     fn a_batch_without_readings_is_finite() {
         let pairs = Pairs::new(24);
         let mut targets = pairs.targets();
-        let rows: Vec<_> = (0..24)
-            .map(|s| vec![(s == 7).then_some(1.0), Some(f64::from(s))])
-            .collect();
+        let row = |s| vec![(s == 7).then_some(1.0), Some(f64::from(s))];
+        let rows: Vec<_> = (0..24).map(row).collect();
         let names = vec!["rare".to_owned(), "common".to_owned()];
         targets.values = Some(Readings::new(names, &rows).unwrap());
-        let config = TrainingConfig {
-            batch_size: 2,
-            epochs: 1,
-            ..through_heads(Input::ViewPooling {}, model())
-        };
+        let mut config = through_heads(Input::ViewPooling {}, model());
+        (config.batch_size, config.epochs) = (2, 1);
         let mut trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
         let epoch = trainer.epoch(&pairs, |step| assert!(step.losses.total().is_finite()));
         assert!(epoch.unwrap().validation.unwrap().total().is_finite());
@@ -446,57 +415,20 @@ mod hard_cases {
         let all = golden::uniform("taught", 48 * 5);
         let mut sum = 0.0;
         for (column, bias) in bias.iter().enumerate() {
-            let of_training: Vec<f64> = (0..32).map(|image| all[image * 5 + column]).collect();
-            let mean = of_training.iter().sum::<f64>() / 32.0;
-            let square = of_training.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 32.0;
-            let taught = [6, 7].map(|image| (of_training[image] - mean) / square.sqrt());
+            let of = |image: usize| all[image * 5 + column];
+            let mean = (0..32).map(of).sum::<f64>() / 32.0;
+            let square = (0..32).map(|image| (of(image) - mean).powi(2)).sum::<f64>() / 32.0;
+            let taught = [6, 7].map(|image| (of(image) - mean) / square.sqrt());
             sum += taught.iter().map(|t| (bias - t).powi(2)).sum::<f64>();
         }
         let expected = 2.0 * sum / 10.0;
         assert!((losses.features / expected - 1.0).abs() < 1e-5);
     }
 
-    /// Distillation is the loss of a teacher whose features are what the encoder saw at the start, under
-    /// either objective; beside a teacher, or without what it saw, it is refused.
     #[test]
-    fn distillation_is_a_teacher_that_is_the_encoder_itself() {
+    fn linear_layers_look_at_one_image() {
         let pairs = Pairs::new(24);
-        let heads = || through_heads(Input::LateFusion { views: 2 }, model());
-        let start = pairs.targets().start.unwrap();
-        let shape = (48, start.width());
-        let embeddings = Tensor::from_slice(start.values(), shape, &Device::Cpu).unwrap();
-        let trainer = |targets: Targets, config: TrainingConfig| {
-            Trainer::new(&super::start(), targets, pairs.0.parts(), config, 5)
-        };
-        let taught = Targets {
-            features: Some(features(embeddings, 3.0)),
-            ..pairs.targets()
-        };
-        let itself = TrainingConfig {
-            distillation: 3.0,
-            ..heads()
-        };
-        let seen = golden::input("seen", &[4, start.width()]);
-        let loss = |trainer: Trainer| {
-            let loss = trainer.objective.loss(&seen, Share::whole(&[3, 7]), 0);
-            loss.unwrap().1
-        };
-        let expected = loss(trainer(taught.clone(), heads()).unwrap());
-        let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());
-        assert!(found.features > 0.0);
-        assert_eq!(found, expected);
-
-        let refused = |targets, config, expected: &str| {
-            let message = trainer(targets, config).unwrap_err().to_string();
-            assert!(message.contains(expected), "{message}");
-        };
-        refused(taught, itself, "none beside distillation");
-        let linear = || TrainingConfig {
-            distillation: 3.0,
-            ..config()
-        };
-        refused(pairs.0.targets(), linear(), "for distillation");
-        // Linear layers look at one image.
-        refused(pairs.targets(), linear(), "expected 1 views");
+        let trainer = Trainer::new(&start(), pairs.targets(), pairs.0.parts(), config(), 5);
+        golden::refused(trainer, "expected 1 views");
     }
 }

@@ -1,5 +1,4 @@
-//! Draws that a killed program goes on with where it was: each is fixed by its index, and what is
-//! kept is kept whole.
+//! Draws that a killed program goes on with where it was: each is fixed by its index, and what is kept is kept whole.
 //!
 //! `cargo run --example resume FOLDER`, any number of times, and killed at any moment.
 
@@ -20,10 +19,10 @@ fn main() -> io::Result<()> {
         print!("{line}");
         files::write_file(&folder.join(format!("{throw}.txt")), line.as_bytes())?;
     }
-    let known = ["throws", "faces", "folder"];
+    let nearest = names::nearest("fases", ["throws", "faces", "folder"]);
     println!(
         "`fases` is probably `{}`",
-        names::nearest("fases", known).unwrap_or("nothing known")
+        nearest.unwrap_or("nothing known")
     );
     Ok(())
 }

@@ -105,15 +105,15 @@ fn start<T>(path: &Path, create: impl Fn(&Path) -> io::Result<T>) -> io::Result<
         return Err(io::ErrorKind::InvalidInput.into());
     }
     fs::create_dir_all(parent(path))?;
-    let mut attempts = (0..u32::MAX).map(|attempt| {
+    for attempt in 0..u32::MAX {
         let name = format!("{UNFINISHED}{}-{attempt}", std::process::id());
         let partial = path.with_file_name(name);
-        create(&partial).map(|created| (partial, created))
-    });
-    let taken = |error: &io::Error| error.kind() == io::ErrorKind::AlreadyExists;
-    attempts
-        .find(|attempt| !attempt.as_ref().is_err_and(taken))
-        .unwrap_or_else(|| Err(io::ErrorKind::AlreadyExists.into()))
+        match create(&partial) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            created => return Ok((partial, created?)),
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
 }
 
 fn write_all(mut file: File, bytes: &[u8]) -> io::Result<()> {

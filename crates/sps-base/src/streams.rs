@@ -104,10 +104,8 @@ mod tests {
     #[test]
     fn a_named_stream_draws_what_it_always_drew() {
         let mut rng = named_stream(7, "labels", 3);
-        assert_eq!(
-            [rng.next_u64(), rng.next_u64()],
-            [0x51ee_9add_294a_46e9, 0x9eaf_6d37_713f_b980]
-        );
+        let expected = [0x51ee_9add_294a_46e9, 0x9eaf_6d37_713f_b980];
+        assert_eq!([rng.next_u64(), rng.next_u64()], expected);
     }
 
     #[test]

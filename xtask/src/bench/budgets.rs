@@ -54,13 +54,9 @@ impl Budgets {
     pub(crate) fn read() -> Result<Self> {
         let path = Path::new(FILE);
         let budgets: Self = sps_dataset::parse_toml(path, &read_text(path)?)?;
+        let (instructions, scores) = (budgets.instructions.more, &budgets.scores);
         let shares = budgets.ratios.iter().map(|ratio| ratio.more);
-        let shares = shares.chain([
-            budgets.instructions.more,
-            budgets.scores.absolute,
-            budgets.scores.relative,
-        ]);
-        for share in shares {
+        for share in shares.chain([instructions, scores.absolute, scores.relative]) {
             ensure!(
                 share.is_finite() && share >= 0.0,
                 "{FILE}: a budget of {share}, expected at least 0"

@@ -1,5 +1,4 @@
-//! Instructions of the kernels, as callgrind counts them: they do not depend on what else the
-//! machine does.
+//! Instructions of the kernels, as callgrind counts them: they do not depend on what else the machine does.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,11 +40,8 @@ fn of(kernel: &str, out: &Path) -> Result<u64> {
         .env("RAYON_NUM_THREADS", "1")
         .output()
         .context("cannot run valgrind")?;
-    ensure!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    let log = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "{log}");
     total(&read_text(out)?).context("callgrind gave no total")
 }
 

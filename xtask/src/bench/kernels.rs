@@ -157,9 +157,9 @@ const SURFACES: usize = 40;
 
 /// Surfaces with an embedding and three readings each.
 fn tables() -> Result<(Embeddings, Readings)> {
-    let values: Vec<Vec<f32>> = (ramp(&[SURFACES, 3])? * 100.0)?.to_vec2()?;
-    let row = |row: &Vec<f32>| row.iter().map(|&value| Some(f64::from(value))).collect();
-    let rows: Vec<Vec<Option<f64>>> = values.iter().map(row).collect();
+    let values = numbers(3 * SURFACES).into_iter();
+    let values: Vec<_> = values.map(|value| Some(f64::from(value * 100.0))).collect();
+    let rows: Vec<_> = values.chunks(3).map(<[_]>::to_vec).collect();
     let embeddings = embeddings_of(&ramp(&[SURFACES, 64])?)?;
     Ok((embeddings, Readings::new(names(), &rows)?))
 }
@@ -169,12 +169,7 @@ fn names() -> Vec<String> {
 }
 
 fn plan() -> Plan {
-    let rerun = Rerun {
-        number: 0,
-        training: (0..SURFACES).collect(),
-        validation: Vec::new(),
-    };
-    Plan::each(1, &names(), vec![rerun])
+    Plan::each(1, &names(), vec![Rerun::new(0, 0..SURFACES)])
 }
 
 fn ridge() -> Result<Pass> {

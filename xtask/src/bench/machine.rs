@@ -52,19 +52,6 @@ impl Machine {
     }
 }
 
-#[cfg(test)]
-impl Machine {
-    pub(crate) fn of_tests() -> Self {
-        Self {
-            processor: "one".to_owned(),
-            cores: 2,
-            vectors: "AVX2".to_owned(),
-            rustc: "rustc 1".to_owned(),
-            valgrind: Some("valgrind 3".to_owned()),
-        }
-    }
-}
-
 /// The first line that `program` prints; none where it cannot be run.
 fn version(program: &str, argument: &str) -> Option<String> {
     let output = Command::new(program).arg(argument).output().ok()?;

@@ -1,11 +1,13 @@
 //! What one call measured, and baselines: the same on disk.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 use sps_experiment::files::{read_text, write_atomically};
+use sps_experiment::results::Kind;
+use sps_report::compare::Run;
 
 use super::machine::Machine;
 
@@ -36,13 +38,6 @@ pub(crate) struct Wall {
 }
 
 impl Measured {
-    pub(crate) fn new() -> Result<Self> {
-        Ok(Self {
-            machine: Machine::here()?,
-            ..Self::default()
-        })
-    }
-
     pub(crate) fn read(name: &str) -> Result<Self> {
         let path = path(name)?;
         serde_json::from_str(&read_text(&path)?)
@@ -52,11 +47,26 @@ impl Measured {
     /// Writes the baseline of that name; says where.
     pub(crate) fn write(&self, name: &str) -> Result<PathBuf> {
         let path = path(name)?;
-        let mut text = serde_json::to_string_pretty(self)?;
-        text.push('\n');
+        let text = serde_json::to_string_pretty(self)? + "\n";
         write_atomically(&path, text.as_bytes())?;
         Ok(path)
     }
+}
+
+/// Every score of a finished run that has a mean over properties, of every method and property, in each rerun.
+pub(crate) fn scores(folder: &Path) -> Result<BTreeMap<String, Vec<f64>>> {
+    let run = Run::read(folder)?;
+    let mut scores = BTreeMap::new();
+    for method in &run.results.methods {
+        for property in &run.results.properties {
+            for kind in Kind::WITH_MEANS {
+                let name = format!("{}: {} {property}", method.id, kind.name());
+                scores.insert(name, run.scores(kind, &method.id, property));
+            }
+        }
+    }
+    ensure!(!scores.is_empty(), "{} has no scores", folder.display());
+    Ok(scores)
 }
 
 fn path(name: &str) -> Result<PathBuf> {
@@ -74,10 +84,8 @@ mod tests {
 
     #[test]
     fn a_name_stays_in_its_folder() {
-        assert_eq!(
-            path("main").unwrap(),
-            PathBuf::from("benches/baselines/main.json")
-        );
+        let main = path("main").unwrap();
+        assert_eq!(main, PathBuf::from("benches/baselines/main.json"));
         for name in ["", "../main", "a/b", "a b"] {
             assert!(path(name).is_err(), "{name}");
         }

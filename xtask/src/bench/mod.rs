@@ -7,7 +7,6 @@ mod counts;
 mod kernels;
 mod machine;
 mod measured;
-mod scores;
 mod wall;
 
 use std::path::PathBuf;
@@ -62,7 +61,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     // Before the minutes of measuring: what is asked for may not be there.
     let baseline = args.against.as_deref().map(Measured::read).transpose()?;
     let budgets = Budgets::read()?;
-    let mut now = Measured::new()?;
+    let mut now = Measured {
+        machine: Machine::here()?,
+        ..Measured::default()
+    };
     if let Some(then) = baseline.as_ref().filter(|_| args.guards) {
         let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
         let accepted = std::env::var(UNGUARDED).unwrap_or_default();
@@ -71,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         check_guarded(&then.machine, &now.machine, accepted)?;
     }
     if let Some(folder) = &args.results {
-        now.scores = scores::of_run(folder)?;
+        now.scores = measured::scores(folder)?;
     }
     now.instructions = counts::count(&now.machine)?;
     now.wall = if args.guards {
@@ -88,13 +90,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some(name) = &args.save {
         println!("saved {}", now.write(name)?.display());
     }
-    let past = comparison.past();
-    ensure!(
-        past.is_empty(),
-        "past the budgets of {}: {}",
-        budgets::FILE,
-        past.join("; ")
-    );
+    let (file, past) = (budgets::FILE, comparison.past().join("; "));
+    ensure!(past.is_empty(), "past the budgets of {file}: {past}");
     Ok(())
 }
 
@@ -133,36 +130,28 @@ mod tests {
 
     #[test]
     fn a_guard_is_silent_only_where_that_is_accepted() {
-        let then = Machine::of_tests();
-        let refused = |now: &Machine, accepted| {
-            let error = check_guarded(&then, now, accepted).err();
-            error.map(|error| error.to_string())
+        let refused = |change: fn(&mut Machine), accepted| {
+            let then = Machine {
+                rustc: "rustc 1".to_owned(),
+                valgrind: Some("valgrind 3".to_owned()),
+                ..Machine::default()
+            };
+            let mut now = then.clone();
+            change(&mut now);
+            let error = check_guarded(&then, &now, accepted).err();
+            error.map(|error| error.to_string()).unwrap_or_default()
         };
-        assert_eq!(refused(&then, ""), None);
-        let bare = Machine {
-            valgrind: None,
-            ..then.clone()
-        };
+        assert_eq!(refused(|_| (), ""), "");
+        let bare = |now: &mut Machine| now.valgrind = None;
         assert_eq!(
-            refused(&bare, "ratios").unwrap(),
+            refused(bare, "ratios"),
             "instructions are not guarded: the baseline is of rustc 1 under valgrind 3, here is rustc 1 under no \
              valgrind; `SPS_UNGUARDED=instructions` accepts that"
         );
-        assert_eq!(refused(&bare, "ratios,instructions"), None);
-        let newer = Machine {
-            rustc: "rustc 2".to_owned(),
-            ..then.clone()
-        };
-        assert!(refused(&newer, "").is_some());
-        let larger = Machine {
-            cores: 64,
-            ..then.clone()
-        };
-        assert!(
-            refused(&larger, "instructions")
-                .unwrap()
-                .starts_with("ratios")
-        );
-        assert_eq!(refused(&larger, "ratios"), None);
+        assert_eq!(refused(bare, "ratios,instructions"), "");
+        assert_ne!(refused(|now| now.rustc = "rustc 2".to_owned(), ""), "");
+        let larger = |now: &mut Machine| now.cores = 64;
+        assert!(refused(larger, "instructions").starts_with("ratios"));
+        assert_eq!(refused(larger, "ratios"), "");
     }
 }

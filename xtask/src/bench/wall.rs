@@ -73,12 +73,12 @@ fn measure(bench: &Bench, filter: &str, how: &[&str]) -> Result<BTreeMap<String,
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     run(bench, filter, how, folder.path())?;
     let found = collect(folder.path())?;
+    let Bench { stage, name, .. } = bench;
     ensure!(
         !found.is_empty(),
-        "the bench `{}` measured nothing that fits `{filter}`",
-        bench.name
+        "the bench `{name}` measured nothing that fits `{filter}`"
     );
-    let named = |(id, wall)| (format!("{}: {id}", bench.stage), wall);
+    let named = |(id, wall)| (format!("{stage}: {id}"), wall);
     Ok(found.into_iter().map(named).collect())
 }
 
@@ -86,24 +86,18 @@ fn measure(bench: &Bench, filter: &str, how: &[&str]) -> Result<BTreeMap<String,
 fn needed(bench: &Bench, ratios: &[&Ratio]) -> Option<String> {
     let prefix = format!("{}: ", bench.stage);
     let names = ratios.iter().flat_map(|ratio| [&ratio.of, &ratio.over]);
-    let ids: BTreeSet<String> = names
-        .filter_map(|name| name.strip_prefix(&prefix))
-        .map(escaped)
-        .collect();
+    let ids = names.filter_map(|name| name.strip_prefix(&prefix));
+    let ids: BTreeSet<String> = ids.map(escaped).collect();
     let ids: Vec<String> = ids.into_iter().collect();
     (!ids.is_empty()).then(|| format!("^({})$", ids.join("|")))
 }
 
 /// A regular expression for the text itself.
 fn escaped(text: &str) -> String {
-    let mut escaped = String::new();
-    for c in text.chars() {
-        if !(c.is_alphanumeric() || matches!(c, ' ' | ',' | '/' | '_')) {
-            escaped.push('\\');
-        }
-        escaped.push(c);
-    }
-    escaped
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | ',' | '/' | '_');
+    let backslash = |c: char| (!plain(c)).then_some('\\');
+    let letter = |c: char| backslash(c).into_iter().chain([c]);
+    text.chars().flat_map(letter).collect()
 }
 
 fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
@@ -191,8 +185,7 @@ fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     read.with_context(|| format!("{} is not what criterion writes", path.display()))
 }
 
-/// The ratios that have a budget: of the shortest times, since other work on the machine only ever
-/// adds to a time.
+/// The ratios that have a budget: of the shortest times, since other work on the machine only ever adds to a time.
 pub(crate) fn ratios(
     budgets: &Budgets,
     wall: &BTreeMap<String, Wall>,
@@ -236,19 +229,13 @@ mod tests {
         let new = folder.path().join("group/name/new");
         fs::create_dir_all(&new).unwrap();
         let write = |name, text| fs::write(new.join(name), text).unwrap();
-        write(
-            "benchmark.json",
-            r#"{"group_id":"g","full_id":"g/n","throughput":{"Elements":8}}"#,
-        );
-        write(
-            "estimates.json",
-            r#"{"median":{"confidence_interval":{"confidence_level":0.95,"lower_bound":2e9,
-            "upper_bound":4e9},"point_estimate":3e9,"standard_error":1.0}}"#,
-        );
-        write(
-            "sample.json",
-            r#"{"sampling_mode":"Flat","iters":[1,2],"times":[3e9,5e9]}"#,
-        );
+        let benchmark = r#"{"group_id":"g","full_id":"g/n","throughput":{"Elements":8}}"#;
+        write("benchmark.json", benchmark);
+        let estimates = r#"{"median":{"confidence_interval":{"confidence_level":0.95,"lower_bound":2e9,
+            "upper_bound":4e9},"point_estimate":3e9,"standard_error":1.0}}"#;
+        write("estimates.json", estimates);
+        let sample = r#"{"sampling_mode":"Flat","iters":[1,2],"times":[3e9,5e9]}"#;
+        write("sample.json", sample);
         let found = collect(folder.path()).unwrap();
         let wall = found["g/n"];
         assert!((wall.median - 3.0).abs() < 1e-12 && (wall.shortest - 2.5).abs() < 1e-12);

@@ -46,11 +46,11 @@ pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
     let folder = run.canonicalize();
     let folder = folder.with_context(|| format!("cannot read {}", run.display()))?;
     let name = folder.file_name().and_then(|name| name.to_str());
-    let name = name.with_context(|| format!("{} has no name", run.display()))?;
+    let run = run.display();
+    let name = name.with_context(|| format!("{run} has no name"))?;
     ensure!(
         !name.contains(char::is_whitespace),
-        "{}: a marker cannot name a run with a space in it",
-        run.display()
+        "{run}: a marker cannot name a run with a space in it"
     );
     let path = root.join(FOLDER).join(format!("{name}.json"));
     write_atomically(&path, text(&results)?.as_bytes())?;

@@ -40,15 +40,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.check {
         return check(root);
     }
-    let print = |files: Vec<PathBuf>| {
-        for file in files {
-            println!("{}", file.display());
-        }
-    };
+    let print = |file: PathBuf| println!("{}", file.display());
     for run in &args.runs {
-        print(keep(root, run)?);
+        keep(root, run)?.into_iter().for_each(print);
     }
-    print(write(root)?);
+    write(root)?.into_iter().for_each(print);
     Ok(())
 }
 
@@ -90,22 +86,19 @@ fn write(root: &Path) -> Result<Vec<PathBuf>> {
     for page in pages.iter().filter(|page| !page.edited.is_empty()) {
         write_atomically(&page.path, page.text.as_bytes())?;
     }
-    none_of(pages.iter().flat_map(|page| &page.unanswered))?;
+    none_of(pages.iter().flat_map(|page| page.unanswered.clone()))?;
     Ok(pages.into_iter().map(|page| page.path).collect())
 }
 
 /// Names every place below `root` that is not what `docs/measured` gives, and every marker that nothing can be written
 /// for.
 fn check(root: &Path) -> Result<()> {
-    let pages = pages(root)?;
-    let problems = pages
-        .iter()
-        .flat_map(|page| page.unanswered.iter().chain(&page.edited));
-    none_of(problems)
+    let pages = pages(root)?.into_iter();
+    none_of(pages.flat_map(|page| [page.unanswered, page.edited].concat()))
 }
 
-fn none_of<'a>(problems: impl Iterator<Item = &'a String>) -> Result<()> {
-    let lines: Vec<&str> = problems.map(String::as_str).collect();
+fn none_of(problems: impl Iterator<Item = String>) -> Result<()> {
+    let lines: Vec<String> = problems.collect();
     ensure!(lines.is_empty(), "{}", lines.join("\n"));
     Ok(())
 }
@@ -186,8 +179,6 @@ impl Page {
 
 /// Whether what follows this is code, which may show markers.
 fn is_code(before: &str) -> bool {
-    let fences = before
-        .lines()
-        .filter(|line| line.trim_start().starts_with("```"));
-    before.ends_with('`') || fences.count() % 2 == 1
+    let is_fence = |line: &&str| line.trim_start().starts_with("```");
+    before.ends_with('`') || before.lines().filter(is_fence).count() % 2 == 1
 }

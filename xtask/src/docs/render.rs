@@ -69,9 +69,8 @@ fn find(results: &Results, words: &str) -> Result<Table> {
     tables.extend(gains(results));
     let titles: Vec<String> = tables.iter().map(|table| slug(&table.title)).collect();
     let holds = |title: &str| format!("-{title}-").contains(&format!("-{words}-"));
-    let mut found = tables
-        .into_iter()
-        .filter(|table| holds(&slug(&table.title)));
+    tables.retain(|table| holds(&slug(&table.title)));
+    let mut found = tables.into_iter();
     match (found.next(), found.next()) {
         (Some(table), None) => Ok(table),
         (first, _) => bail!(
@@ -170,12 +169,11 @@ fn inline(runs: &Runs, text: &str) -> Result<String> {
         _ => serde_json::to_value(method(results, id)?)?,
     };
     let decimals = decimals.map(str::parse).transpose();
+    let decimals = decimals.context("`decimals` is not a number")?;
     let times = times.map(str::parse).transpose();
-    let shown = show(
-        within.pointer(&format!("/{key}")).unwrap_or(&Value::Null),
-        times.context("`times` is not a number")?,
-        decimals.context("`decimals` is not a number")?,
-    );
+    let times = times.context("`times` is not a number")?;
+    let value = within.pointer(&format!("/{key}"));
+    let shown = value.and_then(|value| show(value, times, decimals));
     shown.with_context(|| format!("`{key}` of `{id}` is no value"))
 }
 

@@ -76,9 +76,8 @@ const fn usual_weight() -> f64 {
 
 /// A network of images, by its name.
 fn of_images<'de, D: Deserializer<'de>>(name: D) -> Result<EncoderKind, D::Error> {
-    let kind: EncoderKind = String::deserialize(name)?
-        .parse()
-        .map_err(D::Error::custom)?;
+    let name = String::deserialize(name)?;
+    let kind: EncoderKind = name.parse().map_err(D::Error::custom)?;
     if kind.takes_sequences() {
         let why = "embeds sequences; expected a network of images";
         return Err(D::Error::custom(why));
@@ -112,16 +111,11 @@ impl Pretraining {
             layers.require(teacher.size >= least, "teacher.size", &problem)?;
         }
         let share = self.trained_share;
-        layers.require(
-            share > 0.0 && (share == 1.0 || share < 1.0 && self.start.is_some()),
-            "trained-share",
-            "must be above 0 and at most 1; below 1 it needs `start`",
-        )?;
-        layers.require(
-            self.patterns.images > 0,
-            "patterns.images",
-            "must be at least 1; without patterns, `patterns.classes` is 0",
-        )?;
+        let fits = share > 0.0 && (share == 1.0 || share < 1.0 && self.start.is_some());
+        let problem = "must be above 0 and at most 1; below 1 it needs `start`";
+        layers.require(fits, "trained-share", problem)?;
+        let problem = "must be at least 1; without patterns, `patterns.classes` is 0";
+        layers.require(self.patterns.images > 0, "patterns.images", problem)?;
         let views = self.simulated.views;
         let fits = (1..=views).contains(&self.views_per_surface);
         let problem = format!("must be from 1 to `simulated.views`, {views}");

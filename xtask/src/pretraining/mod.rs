@@ -67,17 +67,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Ok(Image::new(frame.height, frame.width, frame.data)?)
     });
     let trained = train(task, &images, &runs)?;
-    let note = note(&pretraining, &trained)?;
+    let note = note(&pretraining, &trained);
     let weights = mixed(&start, &trained.encoder, pretraining.trained_share)?;
     let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note)))?;
     write_atomically(&args.out, &bytes)?;
-    println!(
-        "{} ({} KiB)\n{}\nTensorBoard: {}",
-        args.out.display(),
-        bytes.len() / 1024,
-        quality(&pretraining, &trained),
-        trained.folder.display()
-    );
+    println!("{} ({} KiB)", args.out.display(), bytes.len() / 1024);
+    println!("{}", quality(&pretraining, &trained));
+    println!("TensorBoard: {}", trained.folder.display());
     Ok(())
 }
 
@@ -89,12 +85,9 @@ fn start(pretraining: &Pretraining) -> Result<Encoder> {
     };
     let weights = Weights::read(path)?;
     let (encoder, drawn) = Encoder::warm_started(kind, weights, seed)?;
-    let all = kind.specs().len();
-    info!(
-        "started from {}: {} of {all} tensors",
-        path.display(),
-        all - drawn.len()
-    );
+    let (path, all) = (path.display(), kind.specs().len());
+    let taken = all - drawn.len();
+    info!("started from {path}: {taken} of {all} tensors");
     Ok(encoder.with_depths(&pretraining.depths)?)
 }
 
@@ -115,28 +108,21 @@ fn mixed(start: &Encoder, trained: &Encoder, share: f64) -> Result<Weights> {
 
 fn quality(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
     let kept = trained.history.iter().rfind(|epoch| epoch.best);
-    let mixed = pretraining.trained_share < 1.0;
-    let mixed = if mixed {
-        ", before the average with the start"
-    } else {
-        ""
+    let Some((number, losses)) = kept.and_then(|epoch| Some((epoch.number, epoch.validation?)))
+    else {
+        return "no surfaces were kept out".to_owned();
     };
-    match kept.and_then(|epoch| Some((epoch.number, epoch.validation?))) {
-        Some((number, losses)) => format!(
-            "surfaces kept out, after epoch {number}{mixed}: {}",
-            in_words(&losses)
-        ),
-        None => "no surfaces were kept out".to_owned(),
-    }
+    let average = ", before the average with the start";
+    let share = pretraining.trained_share;
+    let mixed = if share < 1.0 { average } else { "" };
+    let losses = in_words(&losses);
+    format!("surfaces kept out, after epoch {number}{mixed}: {losses}")
 }
 
 /// Where the weights come from, for the file's metadata.
-fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> Result<String> {
-    let note = serde_json::json!({
-        "config": pretraining.resolved,
-        "quality": quality(pretraining, trained),
-    });
-    Ok(serde_json::to_string(&note)?)
+fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
+    let quality = quality(pretraining, trained);
+    serde_json::json!({ "config": pretraining.resolved, "quality": quality }).to_string()
 }
 
 /// The hash of the sources that decide what a pretraining comes to: those of a trial, and these.

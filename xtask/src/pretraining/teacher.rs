@@ -84,10 +84,8 @@ impl<'a> Teacher<'a> {
         for first in (0..world.len()).step_by(BATCH) {
             let images = first..(first + BATCH).min(world.len());
             let count = images.len();
-            let frames = images.into_par_iter().map(|image| {
-                let frame = world.frame(image)?;
-                Ok(frame.resized(side)?.into_owned())
-            });
+            let frame = |image| Ok(world.frame(image)?.resized(side)?.into_owned());
+            let frames = images.into_par_iter().map(frame);
             let frames: Vec<Frame> = frames.collect::<Result<_>>()?;
             let pixels: Vec<&[f32]> = frames.iter().map(|frame| &frame.data[..]).collect();
             rows.extend(self.encoder.embed_pixels(&pixels, [side, side])?);

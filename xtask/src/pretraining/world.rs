@@ -30,12 +30,8 @@ impl World {
 
     /// Two worlds of one key have the same images.
     pub(crate) fn key(&self) -> String {
-        format!(
-            "{:?} {:?} {:?}",
-            self.simulator.spec(),
-            self.frames,
-            self.spec
-        )
+        let (simulated, frames, patterns) = (self.simulator.spec(), &self.frames, &self.spec);
+        format!("{simulated:?} {frames:?} {patterns:?}")
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -61,17 +57,13 @@ impl World {
     pub(crate) fn parts(&self, validation: f64) -> Parts {
         let first_kept = |count: usize| (count as f64 * (1.0 - validation)).round() as usize;
         let surfaces = self.frames.iter().map(|frame| frame.surface + 1).max();
-        let (surfaces, images) = (
-            first_kept(surfaces.unwrap_or(0)),
-            first_kept(self.spec.images),
-        );
-        let (training, validation) = (0..self.len()).partition(|&image| {
-            let frame = self.frames.get(image);
-            frame.map_or_else(
-                || self.pattern(image).1 < images,
-                |frame| frame.surface < surfaces,
-            )
-        });
+        let surfaces = first_kept(surfaces.unwrap_or(0));
+        let images = first_kept(self.spec.images);
+        let (training, validation) =
+            (0..self.len()).partition(|&image| match self.frames.get(image) {
+                Some(frame) => frame.surface < surfaces,
+                None => self.pattern(image).1 < images,
+            });
         Parts {
             training,
             validation,
@@ -110,21 +102,15 @@ impl World {
             // What a surface does not have has no logarithm.
             rows.push(values.map(|v| Some(v).filter(|v| v.is_finite())).to_vec());
         }
-        rows.resize(self.len(), vec![None; VISIBLE.len()]);
-        Ok(Readings::new(VISIBLE.map(str::to_owned).to_vec(), &rows)?)
+        let names: Vec<String> = VISIBLE.split(' ').map(str::to_owned).collect();
+        rows.resize(self.len(), vec![None; names.len()]);
+        Ok(Readings::new(names, &rows)?)
     }
 }
 
 /// What is seen of each surface.
-const VISIBLE: [&str; 7] = [
-    "log-period",
-    "log-relief",
-    "regularity",
-    "log-microrelief",
-    "log-microrelief-length",
-    "log-roughness",
-    "sheen",
-];
+const VISIBLE: &str = "log-period log-relief regularity log-microrelief log-microrelief-length \
+    log-roughness sheen";
 
 /// One view of each surface from each range of angles, somewhere in it.
 fn frames(pretraining: &Pretraining) -> Vec<FrameIndex> {
@@ -134,12 +120,10 @@ fn frames(pretraining: &Pretraining) -> Vec<FrameIndex> {
         let draw = blake3::hash(format!("{} {surface} {range}", pretraining.seed).as_bytes());
         from + usize::from(draw.as_bytes()[0]) * (to - from) / 256
     };
-    let of_surface = |surface| (0..ranges).map(move |range| (surface, range));
-    (0..pretraining.simulated.surfaces)
-        .flat_map(of_surface)
-        .map(|(surface, range)| FrameIndex {
-            surface,
-            view: view(surface, range),
-        })
-        .collect()
+    let mut frames = Vec::new();
+    for surface in 0..pretraining.simulated.surfaces {
+        let views = (0..ranges).map(|range| view(surface, range));
+        frames.extend(views.map(|view| FrameIndex { surface, view }));
+    }
+    frames
 }

@@ -50,7 +50,7 @@ impl Verdict {
         if within { Self::Within } else { Self::Past }
     }
 
-    pub(super) const fn text(self) -> &'static str {
+    const fn text(self) -> &'static str {
         match self {
             Self::None => "",
             Self::Within => "within",
@@ -109,12 +109,10 @@ impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for Part { title, rows } in &self.0 {
             writeln!(f, "\n{title}")?;
-            let header = ["", "then", "now", "change", "budget", ""].map(str::to_owned);
-            let mut lines = vec![header.to_vec()];
-            lines.extend(
-                rows.iter()
-                    .map(|row| row.cells().map(str::to_owned).to_vec()),
-            );
+            let mut lines = vec![["", "then", "now", "change", "budget", ""]];
+            lines.extend(rows.iter().map(Row::cells));
+            let lines = lines.iter().map(|line| line.map(str::to_owned).to_vec());
+            let lines: Vec<_> = lines.collect();
             f.write_str(&aligned(&lines, |at| at == 0 || at == 5))?;
         }
         Ok(())

@@ -11,15 +11,11 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    sps::main(
-        "own_command",
-        std::env::args_os(),
-        |command| match command {
-            Command::Sps(command) => command.run(),
-            Command::Greet => {
-                println!("hello");
-                Ok(())
-            }
-        },
-    )
+    sps::main("own_command", std::env::args_os(), |command| {
+        match command {
+            Command::Sps(command) => command.run()?,
+            Command::Greet => println!("hello"),
+        }
+        Ok(())
+    })
 }

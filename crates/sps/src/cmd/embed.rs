@@ -4,6 +4,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::{Value, json};
 use sps_dataset::{DecodeSettings, Frame};
 use sps_estimator::{Embedder, OnnxSettings, Precomputed, read_photograph};
 use sps_experiment::config::{EncoderSpec, Network, WeightsSpec};
@@ -65,14 +66,8 @@ struct Embedded<'a> {
     /// Numbers of a row.
     width: usize,
     /// The depths that make a row, in their order.
-    blocks: Vec<Block<'a>>,
+    blocks: Vec<Value>,
     encode_seconds_per_image: f64,
-}
-
-#[derive(Serialize)]
-struct Block<'a> {
-    name: &'a str,
-    width: usize,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -90,20 +85,20 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     let mut embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
     let each = embedder.network().frames();
+    let count = args.images.len();
     ensure!(
-        args.images.len().is_multiple_of(each),
-        "{} images, expected a multiple of --frames {each}",
-        args.images.len()
+        count.is_multiple_of(each),
+        "{count} images, expected a multiple of --frames {each}"
     );
     if spec.precision == Precision::Int8 {
         let frame = |i: usize| {
             let paths = &args.images[i * each..(i + 1) * each];
             Ok(stacked(&read(paths, args.resize)?, each)?.remove(0))
         };
-        let network = encoder::calibrated(&embedder, args.images.len() / each, frame)?;
+        let network = encoder::calibrated(&embedder, count / each, frame)?;
         embedder = Embedder::new(network, spec.resize)?;
     }
-    let progress = Progress::new("images encoded", args.images.len());
+    let progress = Progress::new("images encoded", count);
     let mut values = Vec::new();
     let mut seconds = 0.0;
     for paths in args.images.chunks(each * args.batch as usize) {
@@ -118,13 +113,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let files = args.images.iter().map(name).filter(|_| each == 1);
     let embeddings = Precomputed::new(embedder.network().blocks(), files.collect(), values)?;
     write_atomically(&args.out, &embeddings.to_bytes()?)?;
-    let count = args.images.len();
     let each_image = seconds / count as f64;
     info!("{count} images, {:.2} ms each to encode", 1e3 * each_image);
-    let blocks = embeddings.blocks().iter().map(|block| Block {
-        name: &block.name,
-        width: block.width,
-    });
+    let blocks = embeddings.blocks().iter();
+    let blocks = blocks.map(|block| json!({ "name": block.name, "width": block.width }));
     args.output.json(&Embedded {
         embeddings: &args.out,
         rows: embeddings.rows(),

@@ -106,10 +106,9 @@ fn ensure_same_settings(experiment: &Experiment, folder: &Path) -> Result<()> {
     }
     let there: toml::Table = sps_dataset::parse_toml(&path, &read_text(&path)?)?;
     if let Some(differing) = config::differing_keys(&there, &experiment.resolved.parse()?).first() {
+        let (path, folder) = (path.display(), folder.display());
         bail!(
-            "{}: {differing}; `--out DIR` keeps that run, `--out {}` replaces its report",
-            path.display(),
-            folder.display()
+            "{path}: {differing}; `--out DIR` keeps that run, `--out {folder}` replaces its report"
         );
     }
     Ok(())

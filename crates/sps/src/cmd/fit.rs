@@ -83,10 +83,10 @@ fn share(text: &str) -> Result<f64> {
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let out = &args.out;
+    let folder = out.display();
     ensure!(
         args.force || !Estimator::is_in(out),
-        "{} holds a model; `--force` replaces it",
-        out.display()
+        "{folder} holds a model; `--force` replaces it"
     );
     let trained = if let Some(config) = &args.config {
         let experiment = Experiment::read(config, &args.settings)?;

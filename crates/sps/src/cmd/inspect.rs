@@ -110,21 +110,19 @@ fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Re
 }
 
 fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: bool) {
+    let (name, surfaces, groups) = (&inspection.name, inspection.surfaces, inspection.groups);
+    let (views, readings) = (inspection.views, inspection.readings);
     println!(
-        "{}: {} surfaces in {} groups, {} views each, {} readings",
-        inspection.name,
-        inspection.surfaces,
-        inspection.groups,
-        inspection.views,
-        inspection.readings
+        "{name}: {surfaces} surfaces in {groups} groups, {views} views each, {readings} readings"
     );
     println!("\nmaterials");
     for (name, count) in &inspection.materials {
         println!("  {name:<24}{count:>6}");
     }
     print_labels(inspection.surfaces, labels, after_the_paper);
-    let columns = &COLUMNS[..COLUMNS.len() - usize::from(!after_the_paper)];
-    let heading = columns.iter().map(|&column| column.to_owned()).collect();
+    let heading = COLUMNS.split(' ').map(str::to_owned);
+    let heading = heading.filter(|column| after_the_paper || column != PUBLISHED);
+    let heading = heading.collect();
     let lines = inspection.properties.iter();
     let lines = lines.map(|property| line(property, after_the_paper));
     let lines: Vec<Vec<String>> = [heading].into_iter().chain(lines).collect();
@@ -166,36 +164,21 @@ fn print_grouped(properties: &[PropertySummary]) {
 
 fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bool) {
     println!("\nlabels, fewer than {FEWEST_PER_MATERIAL} of a material being `{OTHER}`");
-    let heading = if after_the_paper { "published" } else { "" };
+    let heading = if after_the_paper { PUBLISHED } else { "" };
     println!("  {:>39}{heading:>11}", "share");
     for (name, count) in labels {
         let share = 100.0 * *count as f64 / surfaces.max(1) as f64;
         let printed = published().materials.get(name);
         let printed = printed.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
-        let printed = if after_the_paper {
-            printed.as_str()
-        } else {
-            ""
-        };
+        let printed = if after_the_paper { &*printed } else { "" };
         println!("  {name:<24}{count:>6}{share:>7.1} %{printed:>11}");
     }
 }
 
-/// Of the table of properties; the last is of five, the published quantiles.
-const COLUMNS: [&str; 12] = [
-    "",
-    "measured",
-    "missing",
-    "minimum",
-    "quartile",
-    "median",
-    "quartile",
-    "maximum",
-    "outside",
-    "repeat",
-    "between",
-    "published",
-];
+/// Of the table of properties, that of their codes without a heading; the last is of five, the published quantiles.
+const COLUMNS: &str =
+    " measured missing minimum quartile median quartile maximum outside repeat between published";
+const PUBLISHED: &str = "published";
 
 fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
     let decimals = decimals(spread(property.quantiles));
@@ -223,9 +206,6 @@ fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
 /// How far apart the quartiles lie, or the ends where the quartiles are one.
 fn spread(quantiles: Option<[f64; 5]>) -> f64 {
     let [lowest, lower, _, upper, highest] = quantiles.unwrap_or_default();
-    if upper > lower {
-        upper - lower
-    } else {
-        highest - lowest
-    }
+    let (between, ends) = (upper - lower, highest - lowest);
+    if between > 0.0 { between } else { ends }
 }

@@ -69,12 +69,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 return wanted.write(&model, (&photograph, path), stem);
             }
             let mapped = wanted.of(&model, &photograph)?;
-            let numbers = mapped.numbers(&model);
-            let line = Line {
-                image: path,
-                numbers,
-            };
-            Ok(serde_json::to_string(&line)?)
+            let (image, numbers) = (path.as_path(), mapped.numbers(&model));
+            Ok(serde_json::to_string(&Line { image, numbers })?)
         });
         match mapped {
             Ok(said) => println!("{said}"),
@@ -106,11 +102,9 @@ fn photographs(args: &Args) -> Result<BTreeMap<PathBuf, PathBuf>> {
         let name = format!("{}-{}", Path::new(name).display(), args.property);
         let stem = args.out.join(name);
         if let Some(other) = photographs.get(&stem) {
+            let [one, other, map] = [other, &path, &stem].map(|path| path.display());
             bail!(
-                "{} and {} would have the same map, {}: ask for one at a time, each with its own --out",
-                other.display(),
-                path.display(),
-                stem.display()
+                "{one} and {other} would have the same map, {map}: ask for one at a time, each with its own --out"
             );
         }
         if !args.json {
@@ -134,17 +128,15 @@ fn check_free(map: &Path, photograph: &Path) -> Result<()> {
     if !map.exists() {
         return Ok(());
     }
+    let there = format!("{} is there already", map.display());
     match map::source(map) {
         Some(source) if Path::new(&source) == photograph => Ok(()),
         Some(source) => bail!(
-            "{} is there already, the map of {source}: remove it, or choose another --out for {}",
-            map.display(),
+            "{there}, the map of {source}: remove it, or choose another --out for {}",
             photograph.display()
         ),
         None => bail!(
-            "{} is there already, and is no map that names its photograph: remove it, or choose another \
-            --out",
-            map.display()
+            "{there}, and is no map that names its photograph: remove it, or choose another --out"
         ),
     }
 }

@@ -70,12 +70,10 @@ fn read_token(path: &Path) -> Result<blake3::Hash> {
     let text =
         fs::read_to_string(path).with_context(|| format!("--token-file {}", path.display()))?;
     let token = text.trim_end();
+    let (path, lines, bytes) = (path.display(), token.lines().count(), token.len());
     ensure!(
         !token.is_empty() && token.bytes().all(|byte| byte.is_ascii_graphic()),
-        "--token-file {}: found {} lines of {} bytes, expected one line of visible ASCII characters",
-        path.display(),
-        token.lines().count(),
-        token.len()
+        "--token-file {path}: found {lines} lines of {bytes} bytes, expected one line of visible ASCII characters"
     );
     Ok(blake3::hash(token.as_bytes()))
 }

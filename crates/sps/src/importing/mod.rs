@@ -13,12 +13,11 @@ use anyhow::{Context, Error, Result, ensure};
 use serde::Serialize;
 use sps_base::files::{write_folder, write_new};
 use sps_dataset::{
-    DatasetFolder, Manifest, PHOTOGRAPH_ENDINGS, Property, PropertyOrder, ReadSettings,
-    TableFormat, ViewAngles,
+    DatasetFolder, Manifest, Property, PropertyOrder, ReadSettings, TableFormat, ViewAngles,
 };
 use sps_estimator::Precomputed;
 
-use self::photographs::{Folder, Photograph};
+use self::photographs::{Folder, Photograph, ensure_some};
 use self::surfaces::{Finder, Imported};
 use self::table::{Column, Key, Table};
 
@@ -105,12 +104,7 @@ pub struct Listed {
 /// All photographs below a folder, by name; at least one.
 pub(crate) fn photographs_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let photographs = Folder::open(folder, &[])?.others(&BTreeSet::new())?;
-    ensure!(
-        !photographs.is_empty(),
-        "{} has no photograph, expected files that end in {}",
-        folder.display(),
-        PHOTOGRAPH_ENDINGS.join(", ")
-    );
+    ensure_some(folder, photographs.is_empty())?;
     Ok(photographs.iter().map(|path| folder.join(path)).collect())
 }
 
@@ -190,11 +184,10 @@ impl Import {
     /// The same for people.
     pub fn described(&self) -> String {
         let properties: Vec<_> = self.properties.iter().map(ToString::to_string).collect();
+        let (surfaces, groups) = (self.surfaces.len(), self.groups());
+        let views = self.angles.as_slice().len();
         let mut text = format!(
-            "{} surfaces in {} groups, photographs of each: {}. It was assumed that\n",
-            self.surfaces.len(),
-            self.groups(),
-            self.angles.as_slice().len()
+            "{surfaces} surfaces in {groups} groups, photographs of each: {views}. It was assumed that\n"
         );
         for assumed in &self.assumed {
             let _ = writeln!(text, "- {assumed};");
@@ -205,10 +198,8 @@ impl Import {
             let first: Vec<_> = first.map(|path| path.display().to_string()).collect();
             let (count, first) = (self.without_row.len(), first.join(", "));
             let more = if count > 3 { ", ..." } else { "" };
-            let _ = writeln!(
-                text,
-                "Left out, for no row is of them: {count} photographs ({first}{more})."
-            );
+            let left_out = format!("{count} photographs ({first}{more})");
+            let _ = writeln!(text, "Left out, for no row is of them: {left_out}.");
         }
         text
     }
@@ -235,12 +226,10 @@ impl Import {
         let blocks = rows.blocks().to_vec();
         if let (Some(folder), []) = (folder, rows.files()) {
             let all = photographs_below(folder)?;
+            let (found, expected, folder) = (rows.rows(), all.len(), folder.display());
             ensure!(
-                rows.rows() == all.len(),
-                "found {} rows without `files`, expected {}, one for each photograph below {}",
-                rows.rows(),
-                all.len(),
-                folder.display()
+                found == expected,
+                "found {found} rows without `files`, expected {expected}, one for each photograph below {folder}"
             );
             let files = all.iter().map(|path| text(path)).collect();
             rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
@@ -278,9 +267,8 @@ impl Import {
                 }
                 // Before frames, which may be many, are copied.
                 DatasetFolder::open(folder, &ReadSettings::default())?;
-                self.surfaces
-                    .iter()
-                    .try_for_each(|surface| surface.lay_out(folder, frames))
+                let mut surfaces = self.surfaces.iter();
+                surfaces.try_for_each(|surface| surface.lay_out(folder, frames))
             },
             |error| Error::from(error).context(folder.display().to_string()),
         )
@@ -299,11 +287,9 @@ impl Import {
             property: BTreeMap::new(),
         };
         let assumed = self.assumed.iter().map(|line| format!("# - {line}.\n"));
-        let assumed: String = assumed.collect();
-        Ok(format!(
-            "# What the import assumed; change what is wrong.\n{assumed}\n{}",
-            toml::to_string(&manifest)?
-        ))
+        let (assumed, manifest) = (assumed.collect::<String>(), toml::to_string(&manifest)?);
+        let heading = "# What the import assumed; change what is wrong.";
+        Ok(format!("{heading}\n{assumed}\n{manifest}"))
     }
 
     fn surfaces_csv(&self) -> Result<String> {
@@ -335,15 +321,15 @@ impl Imported {
             views.max(1)
         );
         let photographs = listed.photographs.iter().map(|path| Photograph::of(path));
+        let written = |value: f64| value.to_string();
         let values = listed.values.into_iter();
-        let written =
-            |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        let values = values.map(|value| value.map(written).unwrap_or_default());
         Ok(Self {
             id: at.to_string(),
             material: listed.material,
             group: listed.group,
             photographs: photographs.collect::<Result<_>>()?,
-            values: values.map(written).collect(),
+            values: values.collect(),
             line: 0,
         })
     }

@@ -7,8 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use sps_dataset::{PHOTOGRAPH_ENDINGS, photograph_ending};
 
-/// A folder outside of which no photograph is taken: a path is judged by what it leads to, symbolic
-/// links followed.
+/// A folder outside of which no photograph is taken: a path is judged by what it leads to, symbolic links followed.
 pub(super) struct Folder {
     /// As it was named, for messages.
     named: PathBuf,
@@ -70,11 +69,8 @@ impl Folder {
     /// The photograph that a path names, in the folder of each view.
     pub(super) fn photographs(&self, path: &str) -> Result<Vec<Photograph>> {
         let expected = || {
-            let endings = PHOTOGRAPH_ENDINGS.join(", ");
-            format!(
-                "found `{}`, expected a file that ends in {endings}",
-                path.escape_debug()
-            )
+            let (found, endings) = (path.escape_debug(), PHOTOGRAPH_ENDINGS.join(", "));
+            format!("found `{found}`, expected a file that ends in {endings}")
         };
         let ending = photograph_ending(Path::new(path)).with_context(expected)?;
         let of_view = |view: &PathBuf| {
@@ -117,12 +113,7 @@ impl Folder {
                 }
             }
         }
-        ensure!(
-            !names.is_empty(),
-            "{} has no photograph, expected files that end in {}",
-            self.named.join(below).display(),
-            PHOTOGRAPH_ENDINGS.join(", ")
-        );
+        ensure_some(&self.named.join(below), names.is_empty())?;
         Ok(names)
     }
 
@@ -147,17 +138,26 @@ impl Folder {
     }
 }
 
+/// Refuses a folder in which no photograph was found.
+pub(super) fn ensure_some(folder: &Path, is_empty: bool) -> Result<()> {
+    let (folder, endings) = (folder.display(), PHOTOGRAPH_ENDINGS.join(", "));
+    ensure!(
+        !is_empty,
+        "{folder} has no photograph, expected files that end in {endings}"
+    );
+    Ok(())
+}
+
 /// Photographs by their names, where it is plain which order that is.
 pub(super) fn in_order(names: BTreeSet<String>) -> Result<Vec<String>> {
     let names: Vec<String> = names.into_iter().collect();
     let mut pairs = names.windows(2);
     let unclear = pairs.find(|pair| by_numbers(&pair[0]) > by_numbers(&pair[1]));
     if let Some([first, second]) = unclear {
+        let (first, second) = (first.escape_debug(), second.escape_debug());
         bail!(
-            "by letters `{}` comes before `{}`, by numbers after it: write the numbers with equally \
-             many digits",
-            first.escape_debug(),
-            second.escape_debug()
+            "by letters `{first}` comes before `{second}`, by numbers after it: write the numbers with equally many \
+             digits"
         );
     }
     Ok(names)
@@ -169,11 +169,8 @@ fn by_numbers(name: &str) -> String {
     let parts = letters.chunk_by(|one, next| one.is_ascii_digit() == next.is_ascii_digit());
     let padded = parts.map(|part| {
         let text: String = part.iter().collect();
-        if part[0].is_ascii_digit() {
-            format!("{text:0>20}")
-        } else {
-            text
-        }
+        let width = if part[0].is_ascii_digit() { 20 } else { 0 };
+        format!("{text:0>width$}")
     });
     padded.collect()
 }

@@ -41,11 +41,10 @@ impl Finder<'_> {
         let rows = &self.table.rows;
         let several = self.table.columns.contains(&Column::Surface);
         let surfaces = match self.table.key {
-            Key::Class => self
-                .each(|row| self.of_class(row))?
-                .into_iter()
-                .flatten()
-                .collect(),
+            Key::Class => {
+                let of_rows = self.each(|row| self.of_class(row))?;
+                of_rows.into_iter().flatten().collect()
+            }
             Key::Surface => self.each(|row| self.of_folder(row))?,
             Key::Photograph if several => self.of_several_rows()?,
             Key::Photograph => {
@@ -53,12 +52,11 @@ impl Finder<'_> {
             }
             Key::Order => {
                 let names = in_order(self.folder.names("")?)?;
+                let (found, photographs) = (rows.len(), names.len());
                 ensure!(
-                    names.len() == rows.len(),
-                    "found {} rows for {} photographs, expected one for each, in the order of their \
-                     names",
-                    rows.len(),
-                    names.len()
+                    found == photographs,
+                    "found {found} rows for {photographs} photographs, expected one for each, in the order of \
+                     their names"
                 );
                 let mut names = names.iter();
                 self.each(|row| self.of_photograph(names.next().map_or("", |name| name), row))?
@@ -192,24 +190,20 @@ impl Finder<'_> {
                 bail!("{first} and {second} would both be surface `{id}`: rename one");
             }
             for photograph in &surface.photographs {
-                let first = photographs.insert(&photograph.path, &surface.id);
-                ensure!(
-                    first.is_none(),
-                    "{}: {} is a photograph of surface `{}` already",
-                    at(),
-                    photograph.path.display(),
-                    first.map_or("", |first| first)
-                );
+                let path = &photograph.path;
+                if let Some(first) = photographs.insert(path, &surface.id) {
+                    let (at, path) = (at(), path.display());
+                    bail!("{at}: {path} is a photograph of surface `{first}` already");
+                }
             }
             let expected = surfaces.first().unwrap_or(surface);
             let [found, of_first] = [surface, expected].map(|surface| surface.photographs.len());
+            let (id, first) = (&surface.id, &expected.id);
             ensure!(
                 found == of_first,
-                "{}: the number of photographs of surface `{}` is {found} and that of `{}` is \
-                 {of_first}, expected as many of every surface",
-                at(),
-                surface.id,
-                expected.id
+                "{}: the number of photographs of surface `{id}` is {found} and that of `{first}` is {of_first}, \
+                 expected as many of every surface",
+                at()
             );
         }
         Ok(())
@@ -229,10 +223,10 @@ fn numbered(name: &str) -> Result<(&str, String)> {
     let words = words.trim_end_matches(|letter: char| letter.is_ascii_digit());
     let words = words.split(|letter: char| letter.is_whitespace() || "_-".contains(letter));
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let shown = name.escape_debug();
     ensure!(
         !words.is_empty(),
-        "`{}` names no material, expected one such as `001_baked_clay01`",
-        name.escape_debug()
+        "`{shown}` names no material, expected one such as `001_baked_clay01`"
     );
     Ok((number, words.join("-")))
 }

@@ -69,9 +69,8 @@ impl Table {
     /// are listed in the file `names`.
     pub(super) fn read(path: &Path, names: Option<&Path>) -> Result<Self> {
         let file = || path.display().to_string();
-        let mut records = records(path, names.is_some())
-            .with_context(file)?
-            .into_iter();
+        let records = records(path, names.is_some()).with_context(file)?;
+        let mut records = records.into_iter();
         let (key, properties, columns) = if let Some(names) = names {
             let listed = listed(names).and_then(|listed| columns(&listed, true));
             listed.with_context(|| names.display().to_string())?
@@ -101,11 +100,8 @@ impl Table {
 
     /// The views that rows name, in their order: by number where all are numbers, and else by name.
     pub(super) fn views(&self) -> Result<Vec<String>> {
-        let views = self
-            .rows
-            .iter()
-            .map(|row| row.cell(Column::View).unwrap_or_default());
-        let views: BTreeSet<String> = views.map(str::to_owned).collect();
+        let view = |row: &Row| row.cell(Column::View).unwrap_or_default().to_owned();
+        let views: BTreeSet<String> = self.rows.iter().map(view).collect();
         let numbered = |view: &String| Some((view.parse::<f64>().ok()?, view.clone()));
         let Some(mut numbered) = views.iter().map(numbered).collect::<Option<Vec<_>>>() else {
             return in_order(views).with_context(|| format!("{}, views", self.path.display()));
@@ -148,11 +144,10 @@ fn agreed<'a>(
         return Ok(None);
     };
     if let Some((other_line, other)) = cells.find(|(_, other)| *other != first) {
+        let (first, other) = (first.escape_debug(), other.escape_debug());
         bail!(
-            "found `{}` in line {line} and `{}` in line {other_line} for `{name}`, expected one value \
-             for a surface, in one of its rows or in several",
-            first.escape_debug(),
-            other.escape_debug()
+            "found `{first}` in line {line} and `{other}` in line {other_line} for `{name}`, expected one value for \
+             a surface, in one of its rows or in several"
         );
     }
     Ok(Some(first.to_owned()))
@@ -199,9 +194,8 @@ fn columns(
     };
     let columns: Vec<Column> = header.iter().map(column).collect();
     let key = key(&columns, without_names, header.get(0).unwrap_or_default())?;
-    let others = header
-        .iter()
-        .filter(|name| column(name) == Column::Property);
+    let is_property = |name: &&str| column(name) == Column::Property;
+    let others = header.iter().filter(is_property);
     let properties: Vec<Property> = others.map(property).collect::<Result<_>>()?;
     ensure!(
         !properties.is_empty(),
@@ -228,11 +222,11 @@ fn key(columns: &[Column], without_names: bool, first: &str) -> Result<Key> {
         ),
         _ => {
             let found = NAMED.iter().filter(|(_, column)| naming.contains(column));
-            let found: Vec<_> = found.map(|(name, _)| format!("`{name}`")).collect();
+            let found: Vec<_> = found.map(|(name, _)| *name).collect();
             bail!(
-                "found the columns {}, expected one of `class`, `surface` and `photograph`, or \
+                "found the columns `{}`, expected one of `class`, `surface` and `photograph`, or \
                  `photograph` with `surface`, or these two with `view`",
-                found.join(", ")
+                found.join("`, `")
             )
         }
     })
@@ -250,11 +244,10 @@ fn property(name: &str) -> Result<Property> {
 }
 
 fn row(record: &csv::StringRecord, columns: &[Column], line: u64) -> Result<Row> {
+    let (found, expected) = (record.len(), columns.len());
     ensure!(
-        record.len() == columns.len(),
-        "found {} cells, expected {}, one for each column",
-        record.len(),
-        columns.len()
+        found == expected,
+        "found {found} cells, expected {expected}, one for each column"
     );
     let (mut named, mut values) = (BTreeMap::new(), Vec::new());
     for (cell, &column) in record.iter().zip(columns) {

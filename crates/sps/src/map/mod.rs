@@ -50,9 +50,8 @@ impl Wanted {
         })
     }
 
-    /// Writes `STEM.png` and `STEM.npy`, (rows, columns, 4), f64: estimate, lower and upper end of its
-    /// interval, and p-value, each NaN where there is none. The picture names the photograph. In words,
-    /// what they show.
+    /// Writes `STEM.png` and `STEM.npy`, (rows, columns, 4), f64: estimate, lower and upper end of its interval, and
+    /// p-value, each NaN where there is none. The picture names the photograph. In words, what they show.
     pub(crate) fn write(
         &self,
         model: &Estimator,
@@ -81,12 +80,10 @@ impl Wanted {
         });
         let values = map.places.iter().map(|place| place[0]);
         let mean = values.sum::<f64>() / map.places.len() as f64;
+        let (drawn, property) = (drawn.display(), &self.property);
+        let (mean, scale) = (map.scale.shown(mean), map.scale.in_words());
         Ok(format!(
-            "{}: {} {} on average over {rows} x {columns} places, {}{hatched}",
-            drawn.display(),
-            self.property,
-            map.scale.shown(mean),
-            map.scale.in_words()
+            "{drawn}: {property} {mean} on average over {rows} x {columns} places, {scale}{hatched}"
         ))
     }
 

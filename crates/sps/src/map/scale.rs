@@ -22,11 +22,8 @@ impl Scale {
         let highest = values.fold(f64::NEG_INFINITY, f64::max);
         let widths = places.iter().map(|place| place[2] - place[1]);
         let half = widths.sum::<f64>() / (2 * places.len()) as f64;
-        let spread = if highest > lowest {
-            highest - lowest
-        } else {
-            deviation
-        };
+        let spread = highest - lowest;
+        let spread = if spread > 0.0 { spread } else { deviation };
         Self {
             lowest,
             highest,
@@ -55,16 +52,13 @@ impl Scale {
         let Some((half, intervals)) = self.half_width.zip(self.intervals()) else {
             return colours;
         };
-        let narrow = if self.highest - self.lowest < half {
-            ": the colours differ by less than that"
-        } else {
-            ""
-        };
+        let narrow = ": the colours differ by less than that";
+        let is_narrow = self.highest - self.lowest < half;
+        let narrow = if is_narrow { narrow } else { "" };
         format!("{colours}, intervals {intervals}{narrow}")
     }
 
-    /// Cividis (Nuñez, Anderton and Renslow 2018), which people see alike whether or not they tell red
-    /// from green.
+    /// Cividis (Nuñez, Anderton and Renslow 2018), which people see alike whether or not they tell red from green.
     pub(super) fn colour(&self, value: f64) -> [f32; 3] {
         let share = (value - self.lowest) / (self.highest - self.lowest);
         // Where all are one value, that of the middle.
@@ -84,10 +78,9 @@ mod tests {
         let scale = Scale::of(&places, 0.9, 30.0);
         let labels = [scale.highest, -1.06, scale.lowest].map(|value| scale.shown(value));
         assert_eq!(labels, ["-1.0400", "-1.0600", "-1.0800"]);
-        assert_eq!(
-            scale.in_words(),
-            "colours from -1.0800 to -1.0400, intervals +/- 1.50 (90 %): the colours differ by less than that"
-        );
+        let colours = "colours from -1.0800 to -1.0400, intervals +/- 1.50 (90 %)";
+        let narrow = format!("{colours}: the colours differ by less than that");
+        assert_eq!(scale.in_words(), narrow);
     }
 
     #[test]

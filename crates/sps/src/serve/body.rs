@@ -139,17 +139,13 @@ fn of_form(form: &Bytes, boundary: &str) -> Result<Vec<Photograph>, Failure> {
         .map_err(|problem| Failure::bad(format!("multipart/form-data: found {problem}")))?;
     let photograph = |part: multipart::Part| {
         if part.field != PHOTOGRAPH {
-            let message = format!(
-                "multipart/form-data: found the part `{}`, expected `{PHOTOGRAPH}`",
-                part.field
-            );
-            return Err(Failure::bad(message));
+            let found = format!("multipart/form-data: found the part `{}`", part.field);
+            return Err(Failure::bad(format!("{found}, expected `{PHOTOGRAPH}`")));
         }
         let name = part.file_name.filter(|name| !name.is_empty());
-        Ok(Photograph {
-            name: name.unwrap_or_else(|| PHOTOGRAPH.to_owned()).into(),
-            content: part.content,
-        })
+        let name = name.map_or_else(|| PHOTOGRAPH.into(), PathBuf::from);
+        let content = part.content;
+        Ok(Photograph { name, content })
     };
     parts.into_iter().map(photograph).collect()
 }

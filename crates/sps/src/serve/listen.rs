@@ -21,8 +21,7 @@ use tokio::sync::Semaphore;
 use super::{Service, Settings, router};
 use crate::end_on_closed_pipes;
 
-/// Connections at once; more wait until one ends. Each takes a file descriptor, of which a process
-/// commonly has 1024.
+/// Connections at once; more wait until one ends. Each takes a file descriptor, of which a process commonly has 1024.
 const CONNECTIONS: usize = 512;
 /// Until a connection is asked for again where there were no descriptors left.
 const PAUSE: Duration = Duration::from_millis(50);

@@ -97,9 +97,9 @@ impl Service {
     /// Lets a request with a body in.
     fn place(&self) -> Result<OwnedSemaphorePermit, Failure> {
         self.places.clone().try_acquire_owned().map_err(|_| {
+            let most = self.settings.at_once;
             let message = format!(
-                "found {} requests that are not answered yet, expected fewer: ask again",
-                self.settings.at_once
+                "found {most} requests that are not answered yet, expected fewer: ask again"
             );
             Failure::new(StatusCode::TOO_MANY_REQUESTS, message)
         })
@@ -168,23 +168,17 @@ async fn enter(State(service): State<Shared>, request: Request, next: Next) -> R
 
 async fn no_route(request: Request) -> Failure {
     let paths: Vec<&str> = routes().iter().map(|(_, path, _)| *path).collect();
-    let message = format!(
-        "found the path {}, expected one of {}",
-        request.uri().path(),
-        paths.join(", ")
-    );
+    let (found, paths) = (request.uri().path(), paths.join(", "));
+    let message = format!("found the path {found}, expected one of {paths}");
     Failure::new(StatusCode::NOT_FOUND, message)
 }
 
 async fn no_method(path: MatchedPath, request: Request) -> Failure {
     let routes = routes();
-    let known = routes.iter().find(|(_, known, _)| *known == path.as_str());
+    let (path, found) = (path.as_str(), request.method());
+    let known = routes.iter().find(|(_, known, _)| *known == path);
     let expected = known.map_or(Method::GET, |(method, ..)| method.clone());
-    let message = format!(
-        "{}: found {}, expected {expected}",
-        path.as_str(),
-        request.method()
-    );
+    let message = format!("{path}: found {found}, expected {expected}");
     Failure::new(StatusCode::METHOD_NOT_ALLOWED, message)
 }
 

@@ -111,8 +111,7 @@ mod tests {
         Ok(parts.map(shown).collect())
     }
 
-    /// The form of RFC 7578, section 4, as `curl -F` and browsers write it, with what RFC 2046 permits
-    /// around it.
+    /// The form of RFC 7578, section 4, as `curl -F` and browsers write it, with what RFC 2046 permits around it.
     #[test]
     fn parts_lie_between_boundaries() {
         let form = "before\r\n--b \t\r\nContent-Disposition: form-data; name=\"photograph\"; \

@@ -63,12 +63,6 @@ struct Wanted {
     width: f64,
 }
 
-#[derive(Serialize)]
-struct Begun {
-    id: String,
-    next: Option<f64>,
-}
-
 pub(super) async fn begin(State(service): State<Shared>, request: Request) -> Answered {
     let _place = service.place()?;
     let body = service.body(request).await?;
@@ -77,7 +71,8 @@ pub(super) async fn begin(State(service): State<Shared>, request: Request) -> An
     let session = Session::new(service.model.clone(), wanted.width)?;
     let next = session.next_angle();
     let id = service.sessions.add(session);
-    json(StatusCode::CREATED, &Begun { id, next })
+    let begun = serde_json::json!({ "id": id, "next": next });
+    json(StatusCode::CREATED, &begun)
 }
 
 /// What is known after a photograph.

@@ -18,21 +18,17 @@ pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> 
         ([one], [other]) => one.width == other.width,
         (several, others) => several == others,
     };
+    let (file, found, fitted) = (file.display(), listed(rows.blocks()), listed(&expected));
     ensure!(
         alike,
-        "{}: found the blocks {}, expected those that the model was fitted on, {}",
-        file.display(),
-        listed(rows.blocks()),
-        listed(&expected)
+        "{file}: found the blocks {found}, expected those that the model was fitted on, {fitted}"
     );
-    let views = model.about().angles.len();
+    let (count, views) = (rows.rows(), model.about().angles.len());
     ensure!(
-        rows.rows().is_multiple_of(views),
-        "{} has {} rows, expected {views} for each surface",
-        file.display(),
-        rows.rows()
+        count.is_multiple_of(views),
+        "{file} has {count} rows, expected {views} for each surface"
     );
-    let answers = model.predict_all(rows.values(), rows.rows() / views, views)?;
+    let answers = model.predict_all(rows.values(), count / views, views)?;
     let mut printer = Printer::new(&args.format, args.unfamiliar, model)?;
     for (at, answer) in answers.iter().enumerate() {
         let files = rows.files().get(at * views..(at + 1) * views);

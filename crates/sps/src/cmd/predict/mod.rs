@@ -123,14 +123,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 }
 
 fn warn_of_drift(watch: Option<Watch<&Estimator>>, scores: Vec<f64>) {
-    if let Some(mut watch) = watch {
-        watch.see_in_any_order(scores);
-        if watch.alarm().is_some() {
-            warn!(
-                "the photographs are, as a whole, unlike those that the model was fitted on: intervals may not \
-                hold (by chance it says so in one of 100 runs at most)"
-            );
-        }
+    let Some(mut watch) = watch else { return };
+    watch.see_in_any_order(scores);
+    if watch.alarm().is_some() {
+        warn!(
+            "the photographs are, as a whole, unlike those that the model was fitted on: intervals may not hold \
+            (by chance it says so in one of 100 runs at most)"
+        );
     }
 }
 
@@ -158,20 +157,15 @@ fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
     } else {
         GroupBy::Folder
     });
-    let mut surfaces = Vec::new();
-    let mut named = Vec::new();
+    let (mut surfaces, mut named) = (Vec::new(), Vec::new());
     for path in &args.images {
         if !path.is_dir() {
             named.push(path.clone());
-            continue;
-        }
-        let images = photographs_in(path)?;
-        match group_by {
-            GroupBy::Folder => surfaces.push(Surface {
-                name: path.display().to_string(),
-                images,
-            }),
-            GroupBy::Image | GroupBy::All => named.extend(images),
+        } else if group_by == GroupBy::Folder {
+            let (name, images) = (path.display().to_string(), photographs_in(path)?);
+            surfaces.push(Surface { name, images });
+        } else {
+            named.extend(photographs_in(path)?);
         }
     }
     if group_by == GroupBy::Image {

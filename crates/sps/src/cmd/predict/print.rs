@@ -76,8 +76,8 @@ impl<'a> Printer<'a> {
         } else {
             for (at, one) in answer.estimates.iter().enumerate() {
                 let reason = answer.no_interval.get(&one.property);
-                let reason = reason.map(|reason| (at, reason.clone()));
-                self.no_interval.extend(reason);
+                self.no_interval
+                    .extend(reason.map(|reason| (at, reason.clone())));
             }
             self.print_table(surface, answer);
             if let Some(p) = answer.familiar.filter(|_| said.unfamiliar) {

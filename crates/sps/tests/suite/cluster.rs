@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -46,18 +46,21 @@ fn parallel_comes_to_what_one_run_does() {
         return;
     }
     let scratch = Scratch::new();
-    let mut command = Command::new("cluster/parallel.sh");
-    command
-        .current_dir(root())
-        .env("XTASK", env!("CARGO_BIN_EXE_sps"))
-        .args(scratch.words("@tiny.toml 3 --out @parallel"));
-    said(&mut command);
+    said(command("cluster/parallel.sh").args(scratch.words("@tiny.toml 3 --out @parallel")));
     assert_eq!(scratch.results_in("parallel"), scratch.ran());
+}
+
+/// In the root of the repository, as the recipes are started.
+fn command(program: &str) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(root());
+    command.env("XTASK", env!("CARGO_BIN_EXE_sps"));
+    command
 }
 
 /// A controller and a node of their own, gone with the value.
 struct Slurm {
-    folder: tempfile::TempDir,
+    folder: Scratch,
     daemons: Vec<Child>,
 }
 
@@ -73,37 +76,33 @@ impl Slurm {
             return None;
         }
         let mut slurm = Self {
-            folder: tempfile::tempdir().unwrap(),
+            folder: Scratch::empty(),
             daemons: Vec::new(),
         };
         slurm.configure();
-        let folder = slurm.folder.path().display().to_string();
         let files = ["socket", "key-file", "pid-file", "seed-file", "log-file"];
-        let files = files.map(|name| format!("--{name}={folder}/munge.{name}"));
-        slurm.daemon("munged --foreground --force", &files);
-        wait("munge", || slurm.path("munge.socket").exists());
-        slurm.daemon("slurmctld -D", &[]);
-        slurm.daemon("slurmd -D", &[]);
+        let files = files.map(|name| format!(" --{name}=@munge.{name}"));
+        slurm.daemon(&format!("munged --foreground --force{}", files.concat()));
+        wait("munge", || slurm.folder.path("munge.socket").exists());
+        slurm.daemon("slurmctld -D");
+        slurm.daemon("slurmd -D");
         wait("a node", || {
             let states = slurm.command("sinfo").args(["-h", "-o", "%T"]).output();
-            String::from_utf8_lossy(&states.unwrap().stdout).contains("idle")
+            states.unwrap().stdout.starts_with(b"idle")
         });
         Some(slurm)
     }
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
     fn configure(&self) {
         let key: Vec<u8> = (0..=255).cycle().take(1024).collect();
-        fs::write(self.path("munge.key-file"), key).unwrap();
+        self.folder.write("munge.key-file", key);
         let mut own = Command::new("chmod");
-        said(own.arg("400").arg(self.path("munge.key-file")));
+        said(own.arg("400").arg(self.folder.path("munge.key-file")));
         let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
         let name = name.trim().split('.').next().unwrap();
         let [controller, node] = [free_port(), free_port()];
-        let folder = self.folder.path().display();
+        let folder = self.folder.path("").display().to_string();
+        let folder = folder.trim_end_matches('/');
         let config = format!(
             "ClusterName=test\n\
              SlurmctldHost={name}(127.0.0.1)\n\
@@ -126,34 +125,30 @@ impl Slurm {
              NodeName={name} NodeAddr=127.0.0.1 CPUs=4 RealMemory=1000\n\
              PartitionName=all Nodes={name} Default=YES State=UP\n"
         );
-        fs::write(self.path("slurm.conf"), config).unwrap();
-        for name in ["state", "spool"] {
-            fs::create_dir(self.path(name)).unwrap();
-        }
+        self.folder.write("slurm.conf", config);
+        let folders = ["state", "spool"].iter();
+        folders.for_each(|name| fs::create_dir(self.folder.path(name)).unwrap());
     }
 
     /// A command that talks to this Slurm.
     fn command(&self, program: &str) -> Command {
-        let mut command = Command::new(program);
-        command
-            .current_dir(root())
-            .env("SLURM_CONF", self.path("slurm.conf"))
-            .env("XTASK", env!("CARGO_BIN_EXE_sps"));
+        let mut command = command(program);
+        command.env("SLURM_CONF", self.folder.path("slurm.conf"));
         command
     }
 
-    fn daemon(&mut self, line: &str, more: &[String]) {
-        let mut words = line.split(' ');
-        let program = words.next().unwrap();
-        let log = fs::File::create(self.path(&format!("{program}.out"))).unwrap();
-        let mut daemon = self.command(program);
-        daemon.args(words).args(more).stdout(Stdio::null());
+    fn daemon(&mut self, line: &str) {
+        let words = self.folder.words(line);
+        let log = self.folder.path(&format!("{}.out", words[0]));
+        let log = fs::File::create(log).unwrap();
+        let mut daemon = self.command(&words[0]);
+        daemon.args(&words[1..]).stdout(Stdio::null());
         self.daemons.push(daemon.stderr(log).spawn().unwrap());
     }
 
     fn logs(&self) -> String {
-        let logs = ["slurmctld", "slurmd"].map(|name| self.path(&format!("{name}.out")));
-        logs.map(|log| fs::read_to_string(log).unwrap()).join("\n")
+        let logs = ["slurmctld", "slurmd"].map(|name| self.folder.read(&format!("{name}.out")));
+        logs.join("\n")
     }
 }
 

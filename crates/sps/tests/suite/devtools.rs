@@ -58,22 +58,25 @@ impl Tab {
             events: Vec::new(),
             _folder: folder,
         };
-        let target = tab.call("Target.createTarget", &json!({ "url": "about:blank" }));
+        let target = tab.call("Target.createTarget", json!({ "url": "about:blank" }));
         let target = json!({ "targetId": target["targetId"], "flatten": true });
-        let attached = tab.call("Target.attachToTarget", &target);
+        let attached = tab.call("Target.attachToTarget", target);
         tab.session = attached["sessionId"].as_str().map(str::to_owned);
         for domain in ["Page", "Runtime", "Log"] {
-            tab.call(&format!("{domain}.enable"), &json!({}));
+            tab.call(&format!("{domain}.enable"), json!({}));
         }
-        let taken = json!({ "enabled": true });
-        tab.call("Page.setInterceptFileChooserDialog", &taken);
+        tab.call(
+            "Page.setInterceptFileChooserDialog",
+            json!({ "enabled": true }),
+        );
         Some(tab)
     }
 
     /// What the browser answers.
-    fn call(&mut self, method: &str, parameters: &Value) -> Value {
+    fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.calls += 1;
-        let mut call = json!({ "id": self.calls, "method": method, "params": parameters });
+        let mut call = json!({ "id": self.calls, "method": method });
+        call["params"] = parameters;
         if let Some(session) = &self.session {
             call["sessionId"] = json!(session);
         }
@@ -110,17 +113,17 @@ impl Tab {
     pub(crate) fn show(&mut self, address: &str, width: usize, scheme: &str) {
         let window =
             json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
-        self.call("Emulation.setDeviceMetricsOverride", &window);
+        self.call("Emulation.setDeviceMetricsOverride", window);
         let scheme = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
-        self.call("Emulation.setEmulatedMedia", &json!({ "features": scheme }));
-        self.call("Page.navigate", &json!({ "url": address }));
+        self.call("Emulation.setEmulatedMedia", json!({ "features": scheme }));
+        self.call("Page.navigate", json!({ "url": address }));
         self.event("Page.loadEventFired");
     }
 
     /// The value of a script, once it is there.
     pub(crate) fn value(&mut self, script: &str) -> Value {
         let script = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
-        let mut answer = self.call("Runtime.evaluate", &script);
+        let mut answer = self.call("Runtime.evaluate", script);
         let thrown = &answer["exceptionDetails"];
         assert!(thrown.is_null(), "{thrown}");
         answer["result"]["value"].take()
@@ -143,7 +146,7 @@ impl Tab {
         for kind in ["keyDown", "keyUp"] {
             let key =
                 json!({ "type": kind, "key": key, "windowsVirtualKeyCode": code, "text": text });
-            self.call("Input.dispatchKeyEvent", &key);
+            self.call("Input.dispatchKeyEvent", key);
         }
     }
 
@@ -163,17 +166,13 @@ impl Tab {
         self.press("Enter");
         let chooser = self.event("Page.fileChooserOpened");
         let files = json!({ "files": [file], "backendNodeId": chooser["backendNodeId"] });
-        self.call("DOM.setFileInputFiles", &files);
+        self.call("DOM.setFileInputFiles", files);
     }
 
     /// What the page printed, was refused or did not catch.
     pub(crate) fn problems(&self) -> Vec<String> {
-        const PROBLEMS: [&str; 3] = [
-            "Runtime.exceptionThrown",
-            "Runtime.consoleAPICalled",
-            "Log.entryAdded",
-        ];
-        let problem = |event: &&Value| PROBLEMS.iter().any(|problem| event["method"] == *problem);
+        let names = "Runtime.exceptionThrown Runtime.consoleAPICalled Log.entryAdded";
+        let problem = |event: &&Value| names.split(' ').any(|name| event["method"] == name);
         let problems = self.events.iter().filter(problem);
         problems.map(Value::to_string).collect()
     }

@@ -14,22 +14,20 @@ fn an_experiment_ends_with_results_and_a_report() {
     assert_eq!(results["properties"], json!(["fRS", "cDF"]));
     for method in results["methods"].as_array().unwrap() {
         assert!(method["r2"]["fRS"].is_f64(), "{method}");
-        if ["mean", "label-mean"].contains(&method["kind"].as_str().unwrap()) {
-            continue;
+        if method["kind"] != "mean" && method["kind"] != "label-mean" {
+            assert_eq!(method["frames_decoded_per_surface"], 1.0);
+            assert_eq!(method["frames_encoded_per_surface"], 1.0);
+            assert_eq!(method["selected_views"]["fRS"], json!([[2], [2]]));
         }
-        assert_eq!(method["frames_decoded_per_surface"], 1.0);
-        assert_eq!(method["frames_encoded_per_surface"], 1.0);
-        assert_eq!(method["selected_views"]["fRS"], json!([[2], [2]]));
     }
-    let report = scratch.read("run/report.md");
-    assert!(report.contains("| Ridge |"));
+    expect(&scratch.read("run/report.md"), "| Ridge |");
     let html = scratch.read("run/report.html");
     assert!(html.contains("<svg") && !html.contains("src=\"http"));
 
     let lines: Vec<&str> = said.lines().collect();
     assert_eq!(lines[0], "tiny: means over properties");
-    let path = scratch.path("run/report.html").display().to_string();
-    assert_eq!(*lines.last().unwrap(), path);
+    let page = scratch.path("run/report.html").display().to_string();
+    assert_eq!(lines.last(), Some(&&*page));
     let marked = |mark: &str| lines.iter().filter(|line| line.ends_with(mark)).count();
     assert_eq!(marked("fastest"), 1, "{said}");
     assert!(said.contains("best"), "{said}");
@@ -52,25 +50,18 @@ fn an_experiment_ends_with_results_and_a_report() {
 fn a_second_run_computes_nothing_and_says_the_same() {
     let scratch = Scratch::new();
     let printed = scratch.experiment().arg("--json").json();
-    let written = scratch.read("run/results.json");
-    assert_eq!(printed, serde_json::from_str::<Value>(&written).unwrap());
+    assert_eq!(printed, scratch.json("run/results.json"));
     let (results, trials) = (scratch.results(), scratch.read("run/trials.jsonl"));
     let log = scratch.experiment().logged();
     assert!(log.contains("0 of them encoded now"), "{log}");
     assert_eq!(scratch.results(), results);
     assert_eq!(scratch.read("run/trials.jsonl"), trials);
-}
 
-#[test]
-fn a_run_for_one_property_gives_it_the_same_numbers() {
-    let scratch = Scratch::new();
-    let both = scratch.ran();
-    let mut experiment = scratch.experiment();
-    experiment.set(&["properties=[\"cDF\"]"]).assert().success();
-    let one = scratch.results();
+    // Of one property alone, too.
+    let one = scratch.ran_with(&["properties=[\"cDF\"]"]);
     for method in 0..2 {
         let of = |results: &Value| results["methods"][method]["r2"]["cDF"].clone();
-        assert_eq!(of(&both), of(&one));
+        assert_eq!(of(&results), of(&one));
     }
     assert!(one["methods"][0]["r2"]["fRS"].is_null());
 }
@@ -79,11 +70,10 @@ fn a_run_for_one_property_gives_it_the_same_numbers() {
 fn embeddings_are_written_in_the_order_given() {
     let scratch = Scratch::new();
     let embed = |images: &str, threads: usize| {
-        let line =
-            "embed --encoder efficientnet-lite-body --weights untrained --out @out.safetensors";
+        let line = "embed --encoder efficientnet-lite-body --weights untrained --out @out";
         let line = format!("{line} --threads {threads} {images}");
         scratch.sps(&line).assert().success();
-        let bytes = fs::read(scratch.path("out.safetensors")).unwrap();
+        let bytes = scratch.bytes("out");
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let tensor = file.tensor("embeddings").unwrap();
         let rows = tensor.data().chunks(tensor.shape()[1] * 4);
@@ -106,11 +96,10 @@ fn depths_are_written_one_by_one() {
     };
     let read = |depths: &str| {
         let said = embed(depths).json();
-        let out = scratch.path("out.safetensors");
-        let bytes = fs::read(&out).unwrap();
+        let bytes = scratch.bytes("out.safetensors");
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let rows = file.tensor("embeddings").unwrap();
-        assert_eq!(said["embeddings"], *out.to_string_lossy());
+        assert_eq!(said["embeddings"], json!(scratch.path("out.safetensors")));
         assert_eq!([&said["rows"], &said["width"]], rows.shape());
         for block in said["blocks"].as_array().unwrap() {
             // A depth that is alone has no tensor of its own.
@@ -120,25 +109,24 @@ fn depths_are_written_one_by_one() {
         }
         assert!(said["encode_seconds_per_image"].as_f64().unwrap() > 0.0);
         let tensors = file.tensors().into_iter();
-        let tensors = tensors.map(|(name, of)| (name, of.shape().to_vec(), of.data().to_vec()));
+        let tensors =
+            tensors.map(|(name, of)| (format!("{name} {:?}", of.shape()), of.data().to_vec()));
         let mut tensors: Vec<_> = tensors.collect();
         tensors.sort();
         tensors
     };
     let all = read("all");
-    let shapes = all
-        .iter()
-        .map(|(name, shape, _)| format!("{name} {}", shape[1]));
-    let expected = "embeddings 960, stage-1 64, stage-2 128, stage-3 256, stage-4 512";
-    assert_eq!(shapes.collect::<Vec<_>>().join(", "), expected);
-    let parts = all[1..].iter().flat_map(|(_, _, bytes)| bytes);
-    assert!(all[0].2.iter().eq(parts));
+    let shapes: Vec<&str> = all.iter().map(|(shape, _)| &**shape).collect();
+    let expected = "embeddings [1, 960]; stage-1 [1, 64]; stage-2 [1, 128]; stage-3 [1, 256]; \
+        stage-4 [1, 512]";
+    assert_eq!(shapes.join("; "), expected);
+    let parts = all[1..].iter().flat_map(|(_, bytes)| bytes);
+    assert!(all[0].1.iter().eq(parts));
     let two = read("stage-2,stage-4");
     assert_eq!((&two[1], &two[2]), (&all[2], &all[4]));
-    let last = ("embeddings".to_owned(), vec![1, 512], all[4].2.clone());
+    let last = ("embeddings [1, 512]".to_owned(), all[4].1.clone());
     assert_eq!(read("last"), [last]);
-    let depths = "resnet18's stage-1, stage-2, stage-3, stage-4";
-    embed("stage-9").refused(&["stage-9", depths]);
+    embed("stage-9").refused("stage-9; resnet18's stage-1, stage-2, stage-3, stage-4");
 }
 
 /// Methods may look at other depths of one encoder; an unknown one is named with its line.
@@ -153,23 +141,19 @@ fn methods_look_at_the_depths_that_they_name() {
     let [last, all, two] = ["last", "all", "two"].map(|id| method(&results, id));
     let error = |of: &Value| of["mae"]["fRS"].clone();
     assert!(error(last) != error(all) && error(all) != error(two));
-    expect(all["encoder"].as_str().unwrap(), &["at all depths"]);
-    let stages = ["at stage-1 and stage-3"];
-    expect(two["encoder"].as_str().unwrap(), &stages);
+    expect(all["encoder"].as_str().unwrap(), "at all depths");
+    expect(two["encoder"].as_str().unwrap(), "at stage-1 and stage-3");
 
     scratch.edit("tiny.toml", "'stage-3'", "'stage-9'");
-    let unknown = "depths`: is \"stage-9\", expected";
-    scratch.is_refused(&["tiny.toml, line", unknown, "stage-7"]);
+    scratch.is_refused("tiny.toml, line; depths`: is \"stage-9\", expected; stage-7");
 }
 
 #[test]
 fn results_say_where_they_come_from() {
     let scratch = Scratch::after_a_run();
-    let read = || -> Value { serde_json::from_str(&scratch.read("run/results.json")).unwrap() };
-    let results = read();
+    let results = scratch.json("run/results.json");
     assert_eq!(results["schema"], 4);
-    let config = fs::read(scratch.path("run/config.toml")).unwrap();
-    let hash = blake3::hash(&config).to_string();
+    let hash = blake3::hash(&scratch.bytes("run/config.toml")).to_string();
     assert_eq!(results["config_hash"], hash);
     assert_eq!(results["precision"], json!(["f32"]));
     assert_eq!(results["methods"][0]["precision"], "f32");
@@ -182,9 +166,8 @@ fn results_say_where_they_come_from() {
 
     // Another config, the same data; then another reading, of the last row and a property that is not estimated.
     let again = || {
-        let mut command = scratch.experiment();
-        command.set(&["report.level=0.5"]).assert().success();
-        read()
+        scratch.ran_with(&["report.level=0.5"]);
+        scratch.json("run/results.json")
     };
     let other = again();
     assert_ne!(other["config_hash"], results["config_hash"]);
@@ -207,13 +190,11 @@ fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
     let notes = row["notes"].as_array().unwrap().iter();
     let reasons = notes.filter(|note| note.as_str().unwrap().contains("left out: "));
     assert_eq!(reasons.count(), 4, "two properties in two reruns: {row}");
-    let report = scratch.read("run/report.md");
-    assert!(report.contains("fRS, rerun 0, left out"), "{report}");
+    expect(&scratch.read("run/report.md"), "fRS, rerun 0, left out");
 
     // They are finished: nothing is trained again, and nothing changes.
     let trials = scratch.read("run/trials.jsonl");
-    scratch.experiment().assert().success();
-    assert_eq!(scratch.results(), results);
+    assert_eq!(scratch.ran(), results);
     assert_eq!(scratch.read("run/trials.jsonl"), trials);
 }
 
@@ -225,15 +206,11 @@ fn a_row_says_that_it_stands_on_fewer_surfaces() {
          stacked | Stacked | stacked | members = ['ridge', 'kernel-ridge']; folds = 2",
     );
     let said = |at_most: &str| {
-        let setting = format!("kernel-ridge.at-most={at_most}");
-        let mut command = scratch.experiment();
-        command.set(&[&setting]).assert().success();
-        let results = scratch.results();
-        let said = |id: &str| {
+        let results = scratch.ran_with(&[&format!("kernel-ridge.at-most={at_most}")]);
+        ["ridge", "kernel", "stacked"].map(|id| {
             let notes = method(&results, id)["notes"].to_string();
             notes.contains(&format!("stands on {at_most} of the "))
-        };
-        ["ridge", "kernel", "stacked"].map(said)
+        })
     };
     assert_eq!(said("3"), [false, true, true]);
     assert_eq!(said("1000"), [false; 3]);
@@ -246,14 +223,15 @@ fn a_list_shows_settings_and_opens_no_data() {
     let text = scratch.experiment().arg("--list").said();
     let head = text.split("\ncross-modal\t").nth(1).unwrap();
     let head = head.split("\n    kind = \"mean\"").next().unwrap();
-    let lines = [
-        "    kind = \"head\"\n",
-        "    encoder = \"efficientnet-lite-body with untrained, random weights, at all depths\"\n",
-        "    views = 1 # the one straight down\n",
-        "    head.epochs = 3\n",
-        "    head.batch-size = 16\n",
-    ];
-    expect(head, &lines);
+    let lines = r#"
+kind = "head"
+encoder = "efficientnet-lite-body with untrained, random weights, at all depths"
+views = 1 # the one straight down
+head.epochs = 3
+head.batch-size = 16"#;
+    for line in lines.trim_start().lines() {
+        assert!(head.contains(&format!("    {line}\n")), "{head}");
+    }
     assert!(!scratch.path("run").exists());
     let input = |views: &str| {
         let text = scratch.experiment().arg("--list").set(&[views]).said();
@@ -273,16 +251,12 @@ fn a_list_shows_settings_and_opens_no_data() {
 #[test]
 fn other_settings_do_not_replace_a_report_unasked() {
     let scratch = Scratch::new();
-    let experiment = |more: &str| {
-        let mut command = scratch.sps(&format!("experiment tiny.toml {more}"));
-        command.current_dir(scratch.path("."));
-        command
-    };
+    let experiment = |more: &str| scratch.inside(&format!("experiment tiny.toml {more}"));
     experiment("--set reruns=1").assert().success();
 
-    let results = || fs::read(scratch.path("runs/tiny/results.json")).unwrap();
+    let results = || scratch.read("runs/tiny/results.json");
     let before = results();
-    experiment("").refused(&["config.toml", "`reruns` is 1, here 2", "--out"]);
+    experiment("").refused("config.toml; `reruns` is 1, here 2; --out");
     assert_eq!(results(), before);
     experiment("--out runs/tiny").assert().success();
     assert_ne!(results(), before);

@@ -5,13 +5,13 @@
 //! `cargo test --workspace --release --test suite faults -- --ignored --nocapture` does it at length;
 //! docs/benchmarks.md shows what came out.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ExitStatus, Output, Stdio};
+use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant, SystemTime};
 
-use crate::support::{Mounted, Scratch, copy, tree, wait};
+use crate::support::{Mounted, Scratch, copy, end, has_lines, tree, wait};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
@@ -66,18 +66,11 @@ struct Faults {
     losses: Vec<String>,
 }
 
-/// A run that has ended.
-struct Ended {
-    status: ExitStatus,
-    log: String,
-}
+/// The status of a run, and its log.
+type Ended = (ExitStatus, String);
 
-/// Waits for the end of a run.
-fn end(run: Child) -> Ended {
-    let Output { status, stderr, .. } = run.wait_with_output().expect("a run");
-    let log = String::from_utf8_lossy(&stderr).into_owned();
-    Ended { status, log }
-}
+/// By their names, with their content.
+type Files = BTreeMap<String, Vec<u8>>;
 
 impl Faults {
     fn new() -> Self {
@@ -90,8 +83,8 @@ impl Faults {
             losses: Vec::new(),
         };
         let begun = Instant::now();
-        let ended = faults.run("run");
-        assert!(ended.status.success(), "{}", ended.log);
+        let (status, log) = faults.run("run");
+        assert!(status.success(), "{log}");
         faults.takes = begun.elapsed();
         faults.expected = faults.scratch.results();
         faults
@@ -113,12 +106,16 @@ impl Faults {
         (self.random.next_u64() % end as u64) as usize
     }
 
+    /// A moment within the time of an undisturbed run.
+    fn moment(&mut self) -> Duration {
+        self.takes * self.draw(1000) as u32 / 1000
+    }
+
     /// Starts a run into a folder, which more arguments may follow.
     fn start(&mut self, run: &str) -> Child {
         self.count("runs");
         let line = format!("experiment @tiny.toml --out @{run}");
-        let mut command = self.scratch.process(&line);
-        command.stderr(Stdio::piped()).spawn().expect("a run")
+        self.scratch.start(&line)
     }
 
     /// Runs to the end.
@@ -132,9 +129,9 @@ impl Faults {
     }
 
     /// Notes a loss where a run failed or came to something else.
-    fn check(&mut self, doing: &str, run: &str, ended: &Ended) {
-        if !ended.status.success() || ended.log.contains("panicked") {
-            self.lose(format!("{doing}: the run failed: {}", ended.log));
+    fn check(&mut self, doing: &str, run: &str, (status, log): &Ended) {
+        if !status.success() || log.contains("panicked") {
+            self.lose(format!("{doing}: the run failed: {log}"));
         } else if self.scratch.results_in(run) != self.expected {
             self.lose(format!("{doing}: other results"));
         }
@@ -143,9 +140,23 @@ impl Faults {
     /// As [`Faults::check`]; and no trial was run although it was on disk.
     fn check_once(&mut self, doing: &str, run: &str, ended: &Ended) {
         self.check(doing, run, ended);
-        if let Some(key) = twice(&self.path(run).join("trials.jsonl")) {
+        self.check_keys(doing, run);
+    }
+
+    /// Notes a loss where a trial is in a journal more than once.
+    fn check_keys(&mut self, doing: &str, run: &str) {
+        let mut keys = self.scratch.keys(run);
+        keys.sort_unstable();
+        if let Some([key, ..]) = keys.windows(2).find(|two| two[0] == two[1]) {
             self.lose(format!("{doing}: the trial {key} was run twice"));
         }
+    }
+
+    /// A run from nothing to its end.
+    fn run_anew(&mut self, doing: &str) {
+        self.begin_again();
+        let ended = self.run("run");
+        self.check(doing, "run", &ended);
     }
 
     /// As if nothing had ever been run.
@@ -162,30 +173,25 @@ impl Faults {
     /// many were killed.
     fn kill(&mut self, kills: usize) {
         self.begin_again();
-        let mut before = Contents::default();
+        let mut before = Files::new();
         let mut killed = 0;
         let journal = self.path(JOURNALS[0]);
-        let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
         while killed < kills {
-            let delay = self.takes * self.draw(1000) as u32 / 1000;
+            let delay = self.moment();
             let mut run = self.start("run");
             if killed == 0 {
-                wait(&mut run, begun);
+                wait(&mut run, || has_lines(&journal));
             } else {
                 std::thread::sleep(delay);
             }
             // Not an error where the run has ended by itself.
             let _ = run.kill();
             let ended = end(run);
-            let after = Contents::of(self);
-            if let Some(lost) = before.lost_in(&after) {
-                self.lose(format!("kill {killed}: {lost}"));
-            }
-            before = after;
-            if ended.status.code().is_some() {
+            before = self.check_kept(&format!("kill {killed}"), &before);
+            if ended.0.code().is_some() {
                 self.check_once("killed before", "run", &ended);
                 self.begin_again();
-                before = Contents::default();
+                before.clear();
             } else {
                 killed = self.count("kills");
             }
@@ -196,9 +202,7 @@ impl Faults {
 
     /// Flips bits of each file that `chosen` says, one at a time, so many of each.
     fn flip(&mut self, bits: usize, chosen: impl Fn(&str) -> bool) {
-        self.begin_again();
-        let ended = self.run("run");
-        self.check("before flipping", "run", &ended);
+        self.run_anew("before flipping");
         for folder in ["run", "cache"] {
             copy(&self.path(folder), &self.path(&format!("whole-{folder}")));
         }
@@ -227,21 +231,46 @@ impl Faults {
         self.count("bits flipped");
         let what = format!("bit {bit} of byte {at} of {name}");
         self.check(&what, "run", &ended);
-        if !reported(name, &path, &ended.log) {
-            self.lose(format!("{what}: no line in the log: {}", ended.log));
+        let (_, log) = ended;
+        if !reported(name, &path, &log) {
+            self.lose(format!("{what}: no line in the log: {log}"));
         }
     }
 
-    /// Every file of run and cache, with its content.
-    fn files(&self) -> BTreeMap<String, Vec<u8>> {
-        let of_folder = |folder: &'static str| {
-            let all = tree(&self.path(folder)).into_iter();
-            all.map(move |(name, bytes)| (format!("{folder}/{}", name.display()), bytes))
-        };
+    /// Every file of run and cache.
+    fn files(&self) -> Files {
+        let mut files = Files::new();
         let folders = ["run", "cache"].into_iter();
-        let there = folders.filter(|folder| self.path(folder).is_dir());
-        let all = there.flat_map(of_folder);
-        all.filter(|(name, _)| self.path(name).is_file()).collect()
+        for folder in folders.filter(|folder| self.path(folder).is_dir()) {
+            let all = tree(&self.path(folder)).into_iter();
+            files.extend(all.map(|(name, bytes)| (format!("{folder}/{}", name.display()), bytes)));
+        }
+        files.retain(|name, _| self.path(name).is_file());
+        files
+    }
+
+    /// What is worth keeping: journals, embeddings and trained encoders.
+    fn kept(&self) -> Files {
+        let mut kept = self.files();
+        kept.retain(|name, _| {
+            JOURNALS.contains(&name.as_str())
+                || name.ends_with(".safetensors") && !name.ends_with("state.safetensors")
+        });
+        kept
+    }
+
+    /// Notes a loss where something is gone of what was kept `before`; what is kept now.
+    fn check_kept(&mut self, doing: &str, before: &Files) -> Files {
+        let after = self.kept();
+        let is_lost = |(name, bytes): &(&String, &Vec<u8>)| match after.get(*name) {
+            // A journal may have grown.
+            Some(after) if JOURNALS.contains(&name.as_str()) => !after.starts_with(bytes),
+            after => after != Some(*bytes),
+        };
+        if let Some((name, _)) = before.iter().find(is_lost) {
+            self.lose(format!("{doing}: {name} is gone or changed"));
+        }
+        after
     }
 
     /// Two runners in one folder at once, and two that share a cache.
@@ -255,7 +284,7 @@ impl Faults {
                 self.count("pairs of runners");
                 self.check_once("the first of two", runs[0], &first);
                 self.check_once("the second of two", runs[1], &second);
-                let waited = first.log.contains("waiting") || second.log.contains("waiting");
+                let waited = first.1.contains("waiting") || second.1.contains("waiting");
                 if runs[0] == runs[1] && !waited {
                     self.lose("two runners: none waited for the other".to_owned());
                 }
@@ -267,7 +296,7 @@ impl Faults {
     fn kill_shards(&mut self, kills: usize) {
         for _ in 0..kills {
             self.begin_again();
-            let delay = self.takes * self.draw(1000) as u32 / 1000;
+            let delay = self.moment();
             let whole = self.start("run --shard 1/2");
             let mut killed = self.start("run --shard 2/2");
             std::thread::sleep(delay);
@@ -277,17 +306,15 @@ impl Faults {
             self.count("shards killed");
             let again = self.run("run --shard 2/2");
             for (what, ended) in [("the other shard", end(whole)), ("the shard again", again)] {
-                if !ended.status.success() {
-                    self.lose(format!("{what}: {}", ended.log));
+                let (status, log) = ended;
+                if !status.success() {
+                    self.lose(format!("{what}: {log}"));
                 }
             }
             let merged = self.run("run --merge");
             self.check_once("a killed shard", "run", &merged);
             for shard in ["1-of-2", "2-of-2"] {
-                let journal = self.path("run/shards").join(shard).join("trials.jsonl");
-                if let Some(key) = twice(&journal) {
-                    self.lose(format!("{shard}: the trial {key} was run twice"));
-                }
+                self.check_keys(shard, &format!("run/shards/{shard}"));
             }
         }
     }
@@ -303,31 +330,27 @@ impl Faults {
                 let Some(disk) = Mounted::new(&path, &format!("size={size}k")) else {
                     return;
                 };
-                let ended = self.run("run");
-                let full = ended.log.contains("No space left") && ended.status.code() == Some(1);
-                if !full && !ended.status.success() {
-                    self.lose(format!("{size} KiB for {folder}: {}", ended.log));
+                let (status, log) = self.run("run");
+                let full = log.contains("No space left") && status.code() == Some(1);
+                if !full && !status.success() {
+                    self.lose(format!("{size} KiB for {folder}: {log}"));
                 }
-                let before = Contents::of(self);
+                let before = self.kept();
                 disk.remount("size=400m");
                 let ended = self.run("run");
                 if full {
                     self.count("full disks");
                 }
                 self.check_once("after a full disk", "run", &ended);
-                if let Some(lost) = before.lost_in(&Contents::of(self)) {
-                    self.lose(format!("{size} KiB for {folder}: {lost}"));
-                }
+                self.check_kept(&format!("{size} KiB for {folder}"), &before);
             }
         }
     }
 
     /// As if the clock had been set, back or forward, after everything was stored.
     fn set_clocks(&mut self) {
-        self.begin_again();
-        let ended = self.run("run");
-        self.check("before setting the clock", "run", &ended);
-        let before = Contents::of(self);
+        self.run_anew("before setting the clock");
+        let before = self.kept();
         let year = Duration::from_secs(365 * 24 * 3600);
         for time in [SystemTime::now() + year, SystemTime::UNIX_EPOCH] {
             for name in self.files().keys() {
@@ -338,10 +361,10 @@ impl Faults {
             let ended = self.run("run");
             self.count("clocks set");
             self.check_once("after the clock was set", "run", &ended);
-            let nothing = ended.log.matches(" 0 of them encoded now").count();
-            let encoded = ended.log.matches("of them encoded now").count();
-            if nothing != encoded || Contents::of(self) != before {
-                let log = ended.log;
+            let (_, log) = ended;
+            let nothing = log.matches(" 0 of them encoded now").count();
+            let encoded = log.matches("of them encoded now").count();
+            if nothing != encoded || self.kept() != before {
                 self.lose(format!("the clock was set: work done again: {log}"));
             }
         }
@@ -360,8 +383,7 @@ fn reported(name: &str, path: &Path, log: &str) -> bool {
     if name.contains("tfevents") {
         return true;
     }
-    // A checksum that no longer fits speaks against its file, unless it was that of the content
-    // before the last.
+    // A checksum that no longer fits speaks against its file, unless it was that of the content before the last.
     if let Some(of) = name.strip_suffix(".blake3") {
         return log.contains(of) || log.matches("trained before").count() == 2;
     }
@@ -369,41 +391,4 @@ fn reported(name: &str, path: &Path, log: &str) -> bool {
         return log.contains("checksum does not match");
     }
     log.contains(&path.display().to_string())
-}
-
-/// What is worth keeping: journals, embeddings and trained encoders.
-#[derive(Default, PartialEq)]
-struct Contents(BTreeMap<String, Vec<u8>>);
-
-impl Contents {
-    fn of(faults: &Faults) -> Self {
-        let files = faults.files().into_iter();
-        let kept = files.filter(|(name, _)| {
-            JOURNALS.contains(&name.as_str())
-                || name.ends_with(".safetensors") && !name.ends_with("state.safetensors")
-        });
-        Self(kept.collect())
-    }
-
-    /// What is in `self` and not in `after`.
-    fn lost_in(&self, after: &Self) -> Option<String> {
-        let is_lost = |(name, bytes): &(&String, &Vec<u8>)| match after.0.get(*name) {
-            // A journal may have grown.
-            Some(after) if JOURNALS.contains(&name.as_str()) => !after.starts_with(bytes),
-            after => after != Some(*bytes),
-        };
-        let lost = self.0.iter().find(is_lost);
-        lost.map(|(name, _)| format!("{name} is gone or changed"))
-    }
-}
-
-/// A trial that is in a journal more than once.
-fn twice(journal: &Path) -> Option<String> {
-    let bytes = fs::read(journal).expect("a journal");
-    let mut seen = BTreeSet::new();
-    // Half a line that a kill has left is no trial.
-    let lines = bytes.split(|byte| *byte == b'\n');
-    let lines = lines.filter_map(|line| serde_json::from_slice::<Value>(line).ok());
-    let mut keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
-    keys.find(|key| !seen.insert(key.clone()))
 }

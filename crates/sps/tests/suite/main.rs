@@ -9,11 +9,9 @@ mod compare;
 mod errors;
 mod experiment;
 mod faults;
-mod help;
 mod importing;
 mod multi_view;
 mod own_photographs;
-mod page;
 #[cfg(unix)]
 mod pipes;
 mod predict;

@@ -3,8 +3,7 @@
 use std::fmt::Write;
 use std::fs;
 
-use crate::support::{Ends, Scratch, expect, root, rows, texts};
-use assert_cmd::Command;
+use crate::support::{Ends, Scratch, expect, root, rows};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 use sps_estimator::Estimator;
@@ -50,21 +49,13 @@ fn laid_out() -> Scratch {
     scratch
 }
 
-/// The command with the words of a line, in the scratch folder.
-fn inside(scratch: &Scratch, line: &str) -> Command {
-    let mut command = scratch.sps(line);
-    command.current_dir(scratch.path("."));
-    command
-}
-
 /// The commands of the README's section on one's own photographs, without `cargo xtask`.
 fn commands_of_the_readme() -> Vec<String> {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let (_, section) = readme.split_once("## On your own photographs").unwrap();
-    let (_, lines) = section.split_once("```sh\n").unwrap();
-    let (lines, _) = lines.split_once("```").unwrap();
+    let lines = section.split("```").nth(1).unwrap().lines().skip(1);
     let command = |line: &str| line.strip_prefix("cargo xtask ").unwrap().to_owned();
-    lines.lines().map(command).collect()
+    lines.map(command).collect()
 }
 
 #[test]
@@ -74,22 +65,18 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     one.save(scratch.path("photograph.jpg")).unwrap();
 
     let commands = commands_of_the_readme();
-    let printed = commands.iter().map(|line| inside(&scratch, line).said());
+    let printed = commands.iter().map(|line| scratch.inside(line).said());
     let printed: Vec<String> = printed.collect();
     let of = |command: &str| {
-        let found = commands.iter().position(|line| line.starts_with(command));
-        &printed[found.unwrap()]
+        let mut all = commands.iter().zip(&printed);
+        all.find(|(line, _)| line.starts_with(command)).unwrap().1
     };
     // Sheets are held out whole, so there is a column for them.
-    let fitted = [
-        "100 surfaces in 50 groups",
-        "friction, hardness",
-        "by group, %",
-        "furthest from what was measured",
-    ];
-    expect(of("fit"), &fitted);
-    expect(of("predict"), &["friction", "hardness", "90 % interval"]);
-    expect(of("map"), &["photograph-hardness.png", "places"]);
+    let fitted = "100 surfaces in 50 groups; friction, hardness; by group, %; \
+        furthest from what was measured";
+    expect(of("fit"), fitted);
+    expect(of("predict"), "friction; hardness; 90 % interval");
+    expect(of("map"), "photograph-hardness.png; places");
     assert!(scratch.path("maps/photograph-hardness.npy").is_file());
 
     let model = Estimator::load(&scratch.path("models/mine")).unwrap();
@@ -102,51 +89,52 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
         }
     }
     let page = scratch.read("models/mine/report.html");
-    expect(&page, &["Ridge regression", "Nearest neighbour"]);
+    expect(&page, "Ridge regression; Nearest neighbour");
     // What the data was laid out in is gone.
     let left = fs::read_dir(scratch.path("models")).unwrap();
     assert_eq!(left.count(), 1);
 
     let again = format!("{} --force --json", commands[0]);
-    let [found, log] = inside(&scratch, &again).said_and_logged();
+    let [found, log] = scratch.inside(&again).said_and_logged();
     let found: Value = serde_json::from_str(&found).unwrap();
     let measured = serde_json::to_value(&model.about().measured).unwrap();
     assert_eq!(found["about"]["measured"], measured);
     assert_eq!(found["worst"].as_array().unwrap().len(), 3);
-    expect(&log, &fitted);
+    expect(&log, fitted);
 }
 
 #[test]
 fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
     let scratch = laid_out();
-    let refused = |values: &str, more: &str, code: i32, named: &[&str]| {
+    let refused = |values: &str, more: &str, code: i32, named: &str| {
         scratch.write("other.csv", values);
         let line = format!("fit photographs --out models/other {more}");
-        let ended = inside(&scratch, &line).assert().code(code);
-        expect(&texts(&ended)[1], named);
+        let [_, log] = scratch.inside(&line).ended(code);
+        expect(&log, named);
         assert!(!scratch.path("models").exists());
     };
     let table = "--values other.csv";
     let one = "photograph,group,friction\n000.png,steel,0.5\n001.png,steel,0.6\n";
-    refused(one, table, 1, &["other.csv: found one group", "two"]);
+    refused(one, table, 1, "other.csv: found one group; two");
     let missing = "photograph,friction\n000.png,0.5\nnone.png,0.6\n";
-    refused(missing, table, 1, &["other.csv, line 3", "none.png"]);
-    refused(one, "", 2, &["--values"]);
-    refused(one, "--config other.toml", 2, &["cannot be used with"]);
+    refused(missing, table, 1, "other.csv, line 3; none.png");
+    refused(one, "", 2, "--values");
+    refused(one, "--config other.toml", 2, "cannot be used with");
     let level = "--values other.csv --level 2";
-    refused(one, level, 2, &["--level", "between 0 and 1"]);
+    refused(one, level, 2, "--level; between 0 and 1");
     // How a table is laid out says nothing of a config.
-    let mut both = scratch.sps("fit --config x.toml --views a --out m");
-    expect(&texts(&both.assert().code(2))[1], &["--views"]);
+    let [_, log] = scratch
+        .sps("fit --config x.toml --views a --out m")
+        .ended(2);
+    expect(&log, "--views");
 }
 
 /// Models of one encoder's embeddings are the same, whether the encoder made them or a file has them.
 #[test]
 fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     let scratch = laid_out();
-    let run = |line: &str| inside(&scratch, line);
-    let done = |line: &str| run(line).said();
-    let refused = |line: &str, parts: &[&str]| run(line).refused(parts);
+    let done = |line: &str| scratch.inside(line).said();
+    let refused = |line: &str, parts: &str| scratch.inside(line).refused(parts);
     // In another order than the table's.
     let images = (0..100).rev().map(|at| format!("photographs/{at:03}.png"));
     let images = images.collect::<Vec<_>>().join(" ");
@@ -159,7 +147,7 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     done(&format!("{fit} --embeddings all.safetensors --out blind"));
     done(&format!("{fit} --pixels 64 --out seeing"));
     let few = format!("{fit} --embeddings few.safetensors --out x");
-    refused(&few, &["few.safetensors", "a row of 002.png: found none"]);
+    refused(&few, "few.safetensors; a row of 002.png: found none");
 
     let model = |name: &str| Estimator::load(&scratch.path(name)).unwrap();
     let (seeing, blind) = (model("seeing"), model("blind"));
@@ -174,19 +162,17 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     for (told, seen) in told.iter().zip(seen) {
         assert!((told - seen).abs() < 1e-9, "{told}, {seen}");
     }
-    let how = "predict MODEL --embeddings FILE";
-    let parts = ["expected their embeddings", how];
-    refused("predict blind photographs/000.png", &parts);
-    refused("serve blind", &parts);
+    let how = "expected their embeddings; predict MODEL --embeddings FILE";
+    refused("predict blind photographs/000.png", how);
+    refused("serve blind", how);
     let narrow = "embed --encoder efficientnet-lite-body --depths last --out last.safetensors";
     done(&format!("{narrow} photographs/000.png"));
-    let found = "last.safetensors: found the blocks embeddings (320), expected";
-    let last = "predict blind --embeddings last.safetensors";
-    refused(last, &[found, "stage-1 (16)"]);
+    let found = "last.safetensors: found the blocks embeddings (320), expected; stage-1 (16)";
+    refused("predict blind --embeddings last.safetensors", found);
     // An ONNX file, in a build that reads none.
     scratch.write("dino.onnx", "");
     let onnx = format!("{fit} --encoder dino.onnx --out x");
     if cfg!(not(feature = "onnx")) {
-        refused(&onnx, &["dino.onnx", "a build with the feature `onnx`"]);
+        refused(&onnx, "dino.onnx; a build with the feature `onnx`");
     }
 }

@@ -4,14 +4,13 @@ use std::io::pipe;
 use std::os::unix::process::ExitStatusExt;
 use std::process::Stdio;
 
-use crate::support::Scratch;
+use crate::support::{Scratch, fit};
 
 const SIGPIPE: i32 = 13;
 
 /// Runs the command with its output into a closed pipe.
 fn closed(scratch: &Scratch, line: &str) {
-    let (reader, writer) = pipe().unwrap();
-    drop(reader);
+    let (_, writer) = pipe().unwrap();
     let mut command = scratch.process(line);
     command.stdout(writer).stderr(Stdio::piped());
     let output = command.output().unwrap();
@@ -31,13 +30,11 @@ fn closed_pipes_end_commands_quietly() {
     closed("experiment @tiny.toml --list");
     closed("inspect @data --out @figures");
     closed("inspect @data --json --out @figures");
-    let fit = "fit --config @tiny.toml --out @model";
-    closed(fit);
-    let line = format!("{fit} --set train.method=ridge");
-    scratch.sps(&line).assert().success();
-    let photograph = "@data/frames/oak-01/002.jpg";
-    for form in ["", "--json", "--csv"] {
-        closed(&format!("predict @model {photograph} {form}"));
+    closed("fit --config @tiny.toml --out @model");
+    fit(&scratch, &["train.method=ridge"]).assert().success();
+    let commands =
+        "predict @model|predict @model --json|predict @model --csv|map --out @figures @model fRS";
+    for command in commands.split('|') {
+        closed(&format!("{command} @data/frames/oak-01/002.jpg"));
     }
-    closed(&format!("map @model fRS {photograph} --out @figures"));
 }

@@ -34,8 +34,7 @@ fn estimates(scratch: &Scratch, run: &str, id: &str) -> Vec<[String; 4]> {
 
 /// Runs all but `gpt`, and writes what `ours` estimates as the file of `gpt`, columns in another order.
 fn copy_ours(scratch: &Scratch, folds: usize) {
-    let mut run = scratch.experiment_into("before");
-    run.args(["--only", "[!g]*"]).assert().success();
+    scratch.run_into("before --only [!g]*");
     let mut text = "value,rerun,property,surface\n".to_owned();
     for [surface, property, split, value] in estimates(scratch, "before", "ours") {
         let rerun = split.parse::<usize>().unwrap() / folds;
@@ -47,10 +46,7 @@ fn copy_ours(scratch: &Scratch, folds: usize) {
 /// Everything that two methods have but their names and what they cost.
 fn ensure_same(results: &Value) {
     let [ours, gpt] = ["ours", "gpt"].map(|id| method(results, id).as_object().unwrap());
-    assert_eq!(
-        ours.keys().collect::<Vec<_>>(),
-        gpt.keys().collect::<Vec<_>>()
-    );
+    assert!(ours.keys().eq(gpt.keys()), "{ours:?} {gpt:?}");
     let others = "id label kind encoder precision \
         frames_decoded_per_surface frames_encoded_per_surface multiply_adds_per_surface selected_views";
     for (key, value) in ours {
@@ -72,15 +68,13 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
     let ours = estimates(&scratch, "run", "ours");
     assert_eq!(estimates(&scratch, "run", "gpt"), ours);
     let report = scratch.read("run/report.md");
-    assert!(report.contains("| GPT |"), "{report}");
+    expect(&report, "| GPT |");
     assert!(!report.contains("Intervals that came with"), "{report}");
 
     // In shards, with whatever was done before.
-    for shard in ["1/2", "2/2"] {
-        let mut part = scratch.experiment_into(&format!("parts --shard {shard}"));
-        part.assert().success();
+    for part in ["--shard 1/2", "--shard 2/2", "--merge"] {
+        scratch.run_into(&format!("parts {part}"));
     }
-    scratch.experiment_into("parts --merge").assert().success();
     let merged = scratch.results_in("parts");
     assert_eq!(merged["methods"], results["methods"]);
 }
@@ -90,8 +84,8 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
 #[test]
 fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() {
     let scratch = scratch();
-    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-out]");
-    scratch.edit("tiny.toml", "validation = 0.34\n", "");
+    let random = "[split.random]\nvalidation = 0.34";
+    scratch.edit("tiny.toml", random, "[split.leave-one-out]");
     copy_ours(&scratch, 6);
     let text = scratch.read("estimates.csv");
     let raised = text.lines().map(|line| match line.split_once(",1,") {
@@ -101,24 +95,17 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
     scratch.write("estimates.csv", raised.collect::<String>());
     let results = scratch.ran();
 
-    let of_splits = |id: &str| -> BTreeMap<_, _> {
-        let all = estimates(&scratch, "run", id).into_iter();
-        let estimates = all.map(|[surface, property, split, value]| {
-            let split: usize = split.parse().unwrap();
-            ((surface, property, split), value.parse::<f64>().unwrap())
-        });
-        estimates.collect()
-    };
-    let ours = of_splits("ours");
-    for (of, given) in of_splits("gpt") {
-        let expected = ours[&of] + if of.2 < 6 { 0.0 } else { 1.0 };
+    let [ours, gpt] = ["ours", "gpt"].map(|id| estimates(&scratch, "run", id));
+    assert_eq!(ours.len(), gpt.len());
+    for (ours, gpt) in ours.iter().zip(&gpt) {
+        assert_eq!(ours[..3], gpt[..3]);
+        let [own, given] = [ours, gpt].map(|row| row[3].parse::<f64>().unwrap());
+        let first_rerun = ours[2].parse::<usize>().unwrap() < 6;
+        let expected = own + if first_rerun { 0.0 } else { 1.0 };
         assert!((given - expected).abs() < 1e-9, "{given} {expected}");
     }
     let trials = scratch.read("run/trials.jsonl");
-    let fitted = |id: &str| {
-        let of_method = format!("\"method\":\"{id}\"");
-        trials.matches(&of_method).count()
-    };
+    let fitted = |id: &str| trials.matches(&format!("\"method\":\"{id}\"")).count();
     // Six folds of two properties, in one rerun or two.
     assert_eq!(["ours", "cross-modal", "gpt"].map(fitted), [12, 24, 24]);
     assert_eq!(method(&results, "ours")["r2_std"]["fRS"], 0.0);
@@ -129,12 +116,10 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
 #[test]
 fn a_rerun_is_that_of_the_experiment_and_not_of_its_folds() {
     let scratch = scratch();
-    scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
-    scratch.edit("tiny.toml", "validation = 0.34", "folds = 3");
+    let random = "[split.random]\nvalidation = 0.34";
+    scratch.edit("tiny.toml", random, "[split.k-fold]\nfolds = 3");
     copy_ours(&scratch, 3);
-    let mut run = scratch.experiment();
-    run.args(["--only", "ours", "--only", "gpt", "--only", "nearest"]);
-    run.assert().success();
+    scratch.run_into("run --only ours --only gpt --only nearest");
     let results = scratch.results();
     ensure_same(&results);
     let gpt = method(&results, "gpt");
@@ -146,10 +131,7 @@ fn simulated_surfaces_are_estimated_by_their_names() {
     let scratch = scratch();
     let split = "[split.random]\nvalidation = 0.34\nby = \"surface\"\n";
     scratch.edit("tiny.toml", split, "");
-    scratch.edit("tiny.toml", "from = \"folder\"", "from = \"simulator\"");
-    let simulated = "surfaces = 8\ntest-surfaces = 12\nsize = 32\nviews = 3\n[data.folder]";
-    let simulated = format!("[data.simulated]\n{simulated}");
-    scratch.edit("tiny.toml", "[data.folder]", &simulated);
+    scratch.simulates("surfaces = 8, test-surfaces = 12, size = 32, views = 3");
     copy_ours(&scratch, 1);
     ensure_same(&scratch.ran());
 }
@@ -222,8 +204,7 @@ fn intervals_are_judged_by_what_they_hold() {
     near(&found["coverage_mean"], held);
     near(&found["mean_width_over_std_mean"], widths);
     assert!(method(&results, "ours")["intervals"].is_null());
-    let report = scratch.read("run/report.md");
-    assert!(report.contains("Intervals that came with"), "{report}");
+    expect(&scratch.read("run/report.md"), "Intervals that came with");
 }
 
 /// Of the intervals of either property.
@@ -254,64 +235,57 @@ fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
          tile-01,fRS,1,1,2,2\n\
          tile-01,fRS,1,1,2\n",
     );
-    let parts = [
-        "method `gpt`, `file`: ",
-        " problems",
-        "estimates.csv, line 2: found `rough` for `value`, expected a number",
-        "line 3: unknown property `fRX`, did you mean `fRS`?",
-        "line 5: unknown surface `oka-01`, did you mean `oak-01`?",
-        "line 6: found `NaN` for `value`",
-        "line 7: found `inf` for `value`",
-        "line 8: estimates again what line 2 does",
-        "line 9: found 3 for `low`, expected at most `high`, 2",
-        "line 10: found `` for `high`",
-        "line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0",
-        "line 12: found 5 cells, expected 6",
-        "no row of `cDF`, which the experiment estimates",
-    ];
-    expect(&refused, &parts);
+    expect(&refused, "method `gpt`, `file`: ;  problems");
+    let lines = "\
+estimates.csv, line 2: found `rough` for `value`, expected a number
+line 3: unknown property `fRX`, did you mean `fRS`?
+line 5: unknown surface `oka-01`, did you mean `oak-01`?
+line 6: found `NaN` for `value`
+line 7: found `inf` for `value`
+line 8: estimates again what line 2 does
+line 9: found 3 for `low`, expected at most `high`, 2
+line 10: found `` for `high`
+line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0
+line 12: found 5 cells, expected 6
+no row of `cDF`, which the experiment estimates";
+    lines.lines().for_each(|line| expect(&refused, line));
 }
 
 #[test]
 fn columns_are_named_where_they_are_missing_or_unknown() {
-    let parts = [
-        "4 problems",
-        "line 1: unknown column `valeu`, did you mean `value`?",
-        "line 1: there are two columns `rerun`",
-        "line 1: there is no column `value`",
-        "line 1: a column `low` without a column `high`",
-    ];
-    expect(&refusal("surface,property,valeu,low,rerun,rerun\n"), &parts);
-    expect(&refusal(""), &["there is no column `surface`"]);
+    let problems = "4 problems; line 1: unknown column `valeu`, did you mean `value`?; \
+        line 1: there are two columns `rerun`; line 1: there is no column `value`; \
+        line 1: a column `low` without a column `high`";
+    let refused = refusal("surface,property,valeu,low,rerun,rerun\n");
+    expect(&refused, problems);
+    expect(&refusal(""), "there is no column `surface`");
 }
 
 #[test]
 fn held_out_surfaces_without_an_estimate_are_named() {
     let refused = refusal("surface,property,value\noak-01,fRS,1\noak-01,cDF,1\n");
-    let missing = "estimates.csv: no estimate of `fRS` for ";
-    expect(&refused, &["2 problems", missing, "surfaces held out: "]);
+    let missing = "2 problems; estimates.csv: no estimate of `fRS` for ; surfaces held out: ";
+    expect(&refused, missing);
     // Of many problems the first are shown.
     let lines = "oak-01,fRS,x\n".repeat(30);
     let refused = refusal(&format!("surface,property,value\n{lines}"));
     // 30 numbers, 29 lines again, one property missing and the other's surfaces.
-    expect(&refused, &["61 problems", "line 11: ", "and 41 more"]);
+    expect(&refused, "61 problems; line 11: ; and 41 more");
     assert_eq!(refused.lines().count(), 22, "{refused}");
 }
 
 #[test]
 fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
     let scratch = scratch();
-    let refused = |line: &str, parts: &[&str]| scratch.sps(line).refused(parts);
-    let key = "`methods.2.file`";
-    let kind = [key, "kind `predictions`", "`ours` is `ridge`"];
-    refused("experiment @tiny.toml --set methods.ours.file=a.csv", &kind);
-    let views = ["views", "`predictions` looks at no view"];
-    refused("experiment @tiny.toml --set methods.gpt.views=3", &views);
-    scratch.is_refused(&["method `gpt`, `file`", "cannot read", "estimates.csv"]);
-    let fitted = "method `gpt` has its estimates from a file";
-    let parts = [fitted, "nothing to fit"];
-    refused("fit --config @tiny.toml --out @model", &parts);
+    let refused = |line: &str, parts: &str| scratch.sps(line).refused(parts);
+    let kind = "`methods.2.file`; kind `predictions`; `ours` is `ridge`";
+    refused("experiment @tiny.toml --set methods.ours.file=a.csv", kind);
+    let views = "views; `predictions` looks at no view";
+    refused("experiment @tiny.toml --set methods.gpt.views=3", views);
+    scratch.is_refused("method `gpt`, `file`; cannot read; estimates.csv");
+    let fitted = "method `gpt` has its estimates from a file; nothing to fit";
+    refused("fit --config @tiny.toml --out @model", fitted);
     let file = scratch.path("estimates.csv").display().to_string();
     scratch.edit("tiny.toml", &format!("file = '{file}'\n"), "");
-    scratch.is_refused(&["`methods.3.file`", "method `gpt` needs a CSV"]);
+    scratch.is_refused("`methods.3.file`; method `gpt` needs a CSV");
 }

@@ -1,9 +1,9 @@
-//! Reports of finished runs, and what is left in their folders.
+//! Reports of finished runs, what is left in their folders, and how a browser lays pages out.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
-use std::process::Stdio;
 
+use crate::devtools::Tab;
 use crate::support::{Ends, Mounted, Scratch, expect, rows};
 use serde_json::Value;
 
@@ -14,11 +14,9 @@ fn report(scratch: &Scratch) -> assert_cmd::Command {
 #[test]
 fn a_report_waits_for_the_run_in_its_folder() {
     let scratch = Scratch::after_a_run();
-    let lock = File::options().append(true).open(scratch.path("run/lock"));
-    let lock = lock.unwrap();
+    let lock = File::open(scratch.path("run/lock")).unwrap();
     lock.lock().unwrap();
-    let mut waiting = scratch.process("report @run");
-    let mut child = waiting.stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = scratch.start("report @run");
     let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
     let waits = log.any(|line| line.unwrap().contains("waiting"));
     lock.unlock().unwrap();
@@ -30,14 +28,14 @@ fn a_report_waits_for_the_run_in_its_folder() {
 #[test]
 fn results_that_are_older_than_the_last_run_are_refused() {
     let scratch = Scratch::after_a_run();
-    let frame = scratch.path("data/frames/denim-01/002.png");
-    let whole = fs::read(&frame).unwrap();
-    fs::write(&frame, &whole[..whole.len() / 2]).unwrap();
+    let frame = "data/frames/denim-01/002.png";
+    let whole = scratch.bytes(frame);
+    scratch.write(frame, &whole[..whole.len() / 2]);
     scratch.experiment().set(&["report.level=0.5"]).message();
-    report(&scratch).refused(&["run", "no run has finished", "`experiment`"]);
+    report(&scratch).refused("run; no run has finished; `experiment`");
     let mut compare = scratch.sps("compare @run @run");
-    compare.refused(&["no run has finished"]);
-    fs::write(&frame, &whole).unwrap();
+    compare.refused("no run has finished");
+    scratch.write(frame, &whole);
     scratch.experiment().assert().success();
     report(&scratch).assert().success();
 }
@@ -45,19 +43,17 @@ fn results_that_are_older_than_the_last_run_are_refused() {
 #[test]
 fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
     let scratch = Scratch::after_a_run();
-    let old = [
-        scratch.path("run/figures/of-another-config.svg"),
-        scratch.path("run/tables/of-another-config.csv"),
-    ];
-    let leave_old = || old.iter().for_each(|old| fs::write(old, "old").unwrap());
-    leave_old();
+    let old = ["run/figures/other.svg", "run/tables/other.csv"];
     fs::create_dir(scratch.path("run/target")).unwrap();
     scratch.write("run/target/large", "");
     #[cfg(unix)]
     std::os::unix::fs::symlink(scratch.path("data"), scratch.path("run/link")).unwrap();
     for mut command in [report(&scratch), scratch.experiment()] {
+        for old in old {
+            scratch.write(old, "old");
+        }
         command.assert().success();
-        assert!(!old.iter().any(|old| old.exists()));
+        assert!(!old.iter().any(|old| scratch.path(old).exists()));
         let sealed = scratch.read("run/checksums");
         let mut names: Vec<&str> = sealed.lines().map(|line| &line[66..]).collect();
         let tables = names.iter().filter(|name| name.starts_with("tables/"));
@@ -66,7 +62,6 @@ fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
         names.sort_unstable();
         let written = "config.toml predictions.csv report.html report.md results.json";
         assert_eq!(names.join(" "), written);
-        leave_old();
     }
 }
 
@@ -82,12 +77,15 @@ fn every_table_is_there_for_programs_and_for_papers() {
         assert_eq!(table[0][0], "Ridge_1 & 50 %, one");
         assert!(table.iter().all(|row| page.contains(&row[0])));
         let latex = scratch.read(&format!("run/tables/{name}.tex"));
-        let label = "    Ridge\\_1 \\& 50 \\%, one & ";
-        expect(&latex, &["\\toprule", label, "\\bottomrule"]);
+        let lines = r"\toprule;     Ridge\_1 \& 50 \%, one & ; \bottomrule";
+        expect(&latex, lines);
     }
     let means = scratch.read("run/tables/means.csv");
-    let r2 = scratch.results()["methods"][0]["r2_mean"].to_string();
-    expect(&means, &["MAE,MAE / std,Spearman,% error,", &r2]);
+    expect(&means, "MAE,MAE / std,Spearman,% error,");
+    expect(
+        &means,
+        &scratch.results()["methods"][0]["r2_mean"].to_string(),
+    );
 
     let written = scratch.read("run/tables/means.tex");
     fs::remove_dir_all(scratch.path("run/tables")).unwrap();
@@ -95,29 +93,22 @@ fn every_table_is_there_for_programs_and_for_papers() {
     assert_eq!(scratch.read("run/tables/means.tex"), written);
 }
 
+/// JSON is the content of the results.
 #[test]
 fn photographs_that_are_gone_are_left_out_with_a_line() {
     let scratch = Scratch::after_a_run();
     let seen = scratch.read("run/report.html");
-    let title = "The surfaces themselves";
-    expect(&seen, &[title, "data:image/png;base64,"]);
+    expect(&seen, "The surfaces themselves; data:image/png;base64,");
     fs::remove_dir_all(scratch.path("data")).unwrap();
-    report(&scratch).assert().success();
+    let [said, log] = report(&scratch).arg("--json").said_and_logged();
+    expect(&log, "report.html");
+    let said: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said, scratch.json("run/results.json"));
     let unseen = scratch.read("run/report.html");
-    expect(&unseen, &[title, "There are no pictures: "]);
+    expect(&unseen, "The surfaces themselves; There are no pictures: ");
     assert!(!unseen.contains("data:image"));
     let cards = |page: &str| page.matches("<article>").count();
     assert_eq!(cards(&unseen), cards(&seen));
-}
-
-#[test]
-fn json_is_the_content_of_the_results() {
-    let scratch = Scratch::after_a_run();
-    let [said, log] = report(&scratch).arg("--json").said_and_logged();
-    expect(&log, &["report.html"]);
-    let [said, written] = [&said, &scratch.read("run/results.json")]
-        .map(|text| serde_json::from_str::<Value>(text).unwrap());
-    assert_eq!(said, written);
 }
 
 #[test]
@@ -130,8 +121,36 @@ fn runs_that_cannot_be_written_to_are_shown_and_compared() {
     scratch.experiment().assert().success();
     mounted.remount("ro");
     let [table, log] = report(&scratch).said_and_logged();
-    expect(&table, &["ridge"]);
-    let failed = "the report was not written";
-    expect(&log, &[failed, "Read-only file system"]);
+    expect(&table, "ridge");
+    expect(&log, "the report was not written; Read-only file system");
     scratch.sps("compare @run @run").assert().success();
+}
+
+/// What a page shows, and what is wrong with it.
+const PROBE: &str = include_str!("reports/probe.js");
+
+#[test]
+fn nothing_is_cut_or_missing_at_any_width_light_or_dark() {
+    let Some(mut tab) = Tab::open() else { return };
+    let scratch = Scratch::after_a_run();
+    let page = format!("file://{}", scratch.path("run/report.html").display());
+    let files = |folder: &str, ending: &str| {
+        let entries = fs::read_dir(scratch.path(folder)).unwrap();
+        let paths = entries.map(|entry| entry.unwrap().path());
+        let found = paths.filter(|path| path.extension() == Some(ending.as_ref()));
+        found.count()
+    };
+    for scheme in ["light", "dark"] {
+        for width in [800, 1300, 1600] {
+            tab.show(&page, width, scheme);
+            let seen = tab.value(PROBE);
+            assert_eq!(tab.problems(), [""; 0], "at {width} pixels, {scheme}");
+            assert_eq!(seen["problems"], "", "at {width} pixels, {scheme}");
+            assert_eq!(seen["tables"], files("run/tables", "csv"));
+            assert_eq!(seen["figures"], files("run/figures", "svg"));
+            // Of three surfaces, or two where no more are held out, one view each.
+            assert!([2, 3].contains(&seen["pictures"].as_u64().unwrap()));
+            assert_eq!(seen["dark"], scheme == "dark");
+        }
+    }
 }

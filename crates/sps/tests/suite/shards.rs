@@ -2,10 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::process::{Child, Output, Stdio};
+use std::process::Child;
 
-use crate::support::{Ends, Scratch, copy, expect, kill, texts};
-use serde_json::Value;
+use crate::support::{Ends, Scratch, copy, end, expect, has_lines, kill, line};
 
 /// Methods that ask the same networks, one that asks refits, and two on an encoder that is trained.
 const METHODS: &str = "\
@@ -17,68 +16,43 @@ fine-tuned-kernel | Fine-tuned, kernel | kernel-ridge | \
     encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
 ";
 
-/// A shard of the run in the folder of this name.
-fn shard(scratch: &Scratch, run: &str, shard: &str) -> assert_cmd::Command {
-    scratch.experiment_into(&format!("{run} --shard {shard}"))
-}
-
-/// What makes results in the folder `to` of shards below others.
-fn merge(scratch: &Scratch, to: &str, runs: &str) -> assert_cmd::Command {
-    scratch.experiment_into(&format!("{to} --merge {runs}"))
-}
-
 /// Starts a shard of the run in `run`.
 fn start(scratch: &Scratch, shard: &str) -> Child {
-    let line = format!("experiment @tiny.toml --out @run --shard {shard}");
-    let mut command = scratch.process(&line);
-    command.stderr(Stdio::piped()).spawn().unwrap()
+    scratch.start(&format!("experiment @tiny.toml --out @run --shard {shard}"))
 }
 
 /// Its log, once it has ended well.
 fn logged(shard: Child) -> String {
-    let Output { status, stderr, .. } = shard.wait_with_output().unwrap();
-    let log = String::from_utf8(stderr).unwrap();
+    let (status, log) = end(shard);
     assert!(status.success(), "{log}");
     log
-}
-
-/// Keys of the trials of the run in this folder, in their order.
-fn keys(scratch: &Scratch, run: &str) -> Vec<String> {
-    let text = scratch.read(&format!("{run}/trials.jsonl"));
-    let lines = text.lines();
-    let lines = lines.filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
-    keys.collect()
 }
 
 #[test]
 fn shards_come_to_what_one_run_does() {
     let scratch = Scratch::with_methods(METHODS);
     let expected = scratch.ran();
-    let all = keys(&scratch, "run");
+    let all = scratch.keys("run");
     for of in [1, 2, 4] {
         let run = format!("run-{of}");
         let mut dealt = Vec::new();
         for number in 1..=of {
             let own = format!("{run}/shards/{number}-of-{of}");
-            let name = format!("{number}/{of}");
-            shard(&scratch, &run, &name).assert().success();
+            scratch.run_into(&format!("{run} --shard {number}/{of}"));
             assert!(!scratch.path(&own).join("results.json").exists());
-            dealt.extend(keys(&scratch, &own));
+            dealt.extend(scratch.keys(&own));
         }
         // Each trial once.
         assert_eq!(dealt.len(), all.len(), "{of}");
         assert_eq!(dealt.iter().collect::<BTreeSet<_>>(), all.iter().collect());
         // The plain command finds all of it done.
         let merged = format!("merged-{of}");
-        let (to, mut command) = if of == 2 {
-            (&run, scratch.experiment_into(&run))
-        } else {
-            (&merged, merge(&scratch, &merged, &format!("@{run}")))
-        };
-        command.assert().success();
+        let merge = format!("{merged} --merge @{run}");
+        let ways = [(&merged, &merge), (&run, &run)];
+        let (to, line) = ways[usize::from(of == 2)];
+        scratch.run_into(line);
         assert_eq!(scratch.results_in(to), expected, "{of} shards");
-        assert_eq!(keys(&scratch, to).len(), all.len());
+        assert_eq!(scratch.keys(to).len(), all.len());
     }
 }
 
@@ -87,10 +61,9 @@ fn more_shards_than_items_leave_some_without_work() {
     let scratch = Scratch::new();
     let expected = scratch.ran();
     for number in 1..=6 {
-        let name = format!("{number}/6");
-        shard(&scratch, "many", &name).assert().success();
+        scratch.run_into(&format!("many --shard {number}/6"));
     }
-    merge(&scratch, "many", "").assert().success();
+    scratch.run_into("many --merge");
     assert_eq!(scratch.results_in("many"), expected);
 }
 
@@ -104,7 +77,7 @@ fn shards_at_once_share_one_cache() {
     for child in children {
         logged(child);
     }
-    let log = merge(&scratch, "run", "@run").logged();
+    let log = scratch.run_into("run --merge @run");
     assert!(log.contains("0 of them encoded now"), "{log}");
     assert_eq!(scratch.results(), expected);
 }
@@ -115,22 +88,19 @@ fn a_shard_that_was_killed_is_run_again_alone() {
     scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
     let expected = scratch.ran();
     fs::remove_dir_all(scratch.path("run")).unwrap();
-    shard(&scratch, "run", "1/2").assert().success();
+    scratch.run_into("run --shard 1/2");
     let journal = scratch.path("run/shards/2-of-2/trials.jsonl");
     let child = start(&scratch, "2/2");
     // Once the first trials are on disk.
-    let killed = kill(child, || {
-        fs::metadata(&journal).is_ok_and(|file| file.len() > 0)
-    });
+    let killed = kill(child, || has_lines(&journal));
     let begun = fs::read_to_string(&journal).unwrap();
     if killed {
-        let refused = merge(&scratch, "run", "@run").message();
-        let again = "`--shard 2/2` again";
-        expect(&refused, &["shard 2/2", "2-of-2", "has not ended", again]);
+        let again = "shard 2/2; 2-of-2; has not ended; `--shard 2/2` again";
+        scratch.experiment_into("run --merge @run").refused(again);
     }
-    shard(&scratch, "run", "2/2").assert().success();
+    scratch.run_into("run --shard 2/2");
     assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
-    merge(&scratch, "run", "@run").assert().success();
+    scratch.run_into("run --merge @run");
     assert_eq!(scratch.results(), expected);
 }
 
@@ -141,7 +111,7 @@ fn two_of_one_number_wait_for_one_another() {
     let logs = children.map(logged);
     let is_waiting = |log: &&String| log.contains("waiting") && log.contains("1-of-1");
     assert_eq!(logs.iter().filter(is_waiting).count(), 1, "{logs:?}");
-    let keys = keys(&scratch, "run/shards/1-of-1");
+    let keys = scratch.keys("run/shards/1-of-1");
     assert_eq!(keys.len(), keys.iter().collect::<BTreeSet<_>>().len());
 }
 
@@ -151,75 +121,69 @@ fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
     let expected = scratch.ran();
     for (number, run) in [(1, "here"), (2, "there")] {
         let settings = format!("--set cache.folder=@cache-{run}");
-        let mut part = shard(&scratch, run, &format!("{number}/2 {settings}"));
-        part.assert().success();
+        scratch.run_into(&format!("{run} --shard {number}/2 {settings}"));
     }
     // As if brought from the machines; entries are named by what they hold.
     fs::remove_dir_all(scratch.path("cache")).unwrap();
     for cache in ["cache-here", "cache-there"] {
         copy(&scratch.path(cache), &scratch.path("cache"));
     }
-    let mut merge = merge(&scratch, "merged", "@here @there");
-    merge.assert().success();
+    scratch.run_into("merged --merge @here @there");
     assert_eq!(scratch.results_in("merged"), expected);
 }
 
 #[test]
 fn shards_that_do_not_belong_together_are_named() {
     let scratch = Scratch::new();
-    let refused = |parts: &[&str]| {
-        merge(&scratch, "run", "@run").refused(parts);
+    let refused = |parts: &str| {
+        scratch.experiment_into("run --merge @run").refused(parts);
         assert!(!scratch.path("run/results.json").exists());
     };
     // Said before data are looked for.
     let [data, away] = ["data", "away"].map(|name| scratch.path(name));
     fs::rename(&data, &away).unwrap();
-    refused(&["--merge", "run: no shards here", "--shard K/N"]);
+    refused("--merge; run: no shards here; --shard K/N");
     fs::rename(&away, &data).unwrap();
-    shard(&scratch, "run", "1/3").assert().success();
-    refused(&["shards are missing: 2/3, 3/3"]);
-    shard(&scratch, "run", "2/2").assert().success();
-    refused(&["shard 2/2", "shard 1/3", "do not belong together"]);
+    scratch.run_into("run --shard 1/3");
+    refused("shards are missing: 2/3, 3/3");
+    scratch.run_into("run --shard 2/2");
+    refused("shard 2/2; shard 1/3; do not belong together");
     fs::remove_dir_all(scratch.path("run/shards/1-of-3")).unwrap();
 
-    let other = |more: &str| {
-        let mut part = shard(&scratch, "run", &format!("1/2 {more}"));
-        part.assert().success();
-    };
+    let other = |more: &str| scratch.run_into(&format!("run --shard 1/2 {more}"));
     other("--set seed=1");
-    refused(&["shard 1/2", "another config", "`seed` is 1, here 0"]);
+    refused("shard 1/2; another config; `seed` is 1, here 0");
     other("--only ridge");
-    let methods = "ridge; here ridge, cross-modal";
-    refused(&["shard 1/2", "other methods", methods]);
+    refused("shard 1/2; other methods: ridge; here ridge, cross-modal");
     other("");
     let table = scratch.read("data/tactile.csv");
     scratch.edit("data/tactile.csv", ",0.37,0.11,", ",0.37,0.12,");
-    refused(&["shard 1/2", "other data", "data_hash"]);
+    refused("shard 1/2; other data; data_hash");
     scratch.write("data/tactile.csv", table);
 
-    let manifest = scratch.path("run/shards/2-of-2/shard.json");
-    let text = fs::read_to_string(&manifest).unwrap();
-    let mut whole: Value = serde_json::from_str(&text).unwrap();
-    whole["source_hash"] = "0123".into();
-    let bytes = serde_json::to_vec(&whole).unwrap();
-    fs::write(&manifest, &bytes).unwrap();
+    let manifest = "run/shards/2-of-2/shard.json";
+    let mut changed = scratch.json(manifest);
+    changed["source_hash"] = "0123".into();
+    let changed = changed.to_string();
+    scratch.write(manifest, &changed);
     // Its checksum no longer fits.
-    refused(&["shard 2/2", "has not ended"]);
-    let checksum = manifest.with_file_name("shard.json.blake3");
-    fs::write(checksum, format!("{}\n", blake3::hash(&bytes))).unwrap();
-    refused(&["shard 2/2", "other sources: `0123`"]);
-    shard(&scratch, "run", "2/2").assert().success();
-    merge(&scratch, "run", "@run").assert().success();
+    refused("shard 2/2; has not ended");
+    let checksum = format!("{}\n", blake3::hash(changed.as_bytes()));
+    scratch.write("run/shards/2-of-2/shard.json.blake3", checksum);
+    refused("shard 2/2; other sources: `0123`");
+    scratch.run_into("run --shard 2/2");
+    scratch.run_into("run --merge @run");
 }
 
 #[test]
 fn a_merge_does_no_work_of_a_shard() {
     let scratch = Scratch::new();
-    shard(&scratch, "run", "1/1").assert().success();
-    let journal = scratch.path("run/shards/1-of-1/trials.jsonl");
-    let text = fs::read_to_string(&journal).unwrap();
-    fs::write(&journal, text.split_once('\n').unwrap().1).unwrap();
-    merge(&scratch, "run", "@run").refused(&["method `", "rerun ", "in none of the shards"]);
+    scratch.run_into("run --shard 1/1");
+    let journal = "run/shards/1-of-1/trials.jsonl";
+    let text = scratch.read(journal);
+    scratch.write(journal, text.split_once('\n').unwrap().1);
+    let none = "method `; rerun ; in none of the shards";
+    scratch.experiment_into("run --merge @run").refused(none);
     // The shard mends it, or the plain command does.
     scratch.experiment().assert().success();
 }
@@ -228,17 +192,10 @@ fn a_merge_does_no_work_of_a_shard() {
 fn a_number_that_is_no_shard_is_refused() {
     let scratch = Scratch::new();
     for text in ["0/2", "3/2", "2"] {
-        let refused = shard(&scratch, "run", text).assert().code(2);
-        expect(&texts(&refused)[1], &["is not K/N"]);
+        let mut shard = scratch.experiment_into(&format!("run --shard {text}"));
+        let [_, log] = shard.ended(2);
+        expect(&log, "is not K/N");
     }
-}
-
-/// The words of the line that begins with this one, after it.
-fn line(said: &str, first: &str) -> Vec<String> {
-    let lines = said.lines().map(str::split_whitespace);
-    let mut found = lines.filter_map(|mut words| (words.next()? == first).then_some(words));
-    let words = found.next().expect("a line");
-    words.map(str::to_owned).collect()
 }
 
 #[test]
@@ -246,24 +203,23 @@ fn a_dry_run_counts_and_writes_nothing() {
     let scratch = Scratch::with_methods(METHODS);
     let before = scratch.experiment().arg("--dry-run").said();
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
-    assert_eq!(line(&before, "ridge"), ["0", "4"], "{before}");
-    assert_eq!(line(&before, "nvs"), ["0", "4", "0", "4"], "{before}");
+    assert_eq!(line(&before, "ridge"), "0 4");
+    assert_eq!(line(&before, "nvs"), "0 4 0 4");
     assert!(before.contains("to encode") && before.contains("to be trained on 2 splits"));
     assert!(!before.contains("nothing is missing"), "{before}");
 
-    shard(&scratch, "run", "1/2").assert().success();
+    scratch.run_into("run --shard 1/2");
     let part = scratch.experiment().arg("--dry-run").said();
-    assert_eq!(line(&part, "ridge"), ["2", "2"], "{part}");
-    assert_eq!(line(&part, "nvs"), ["2", "2", "2", "2"], "{part}");
+    assert_eq!(line(&part, "ridge"), "2 2");
+    assert_eq!(line(&part, "nvs"), "2 2 2 2");
     assert!(part.contains("to be trained on 1 split"), "{part}");
-    let own = shard(&scratch, "run", "1/2").arg("--dry-run").said();
-    assert_eq!(line(&own, "ridge"), ["2", "0"], "{own}");
+    let own = scratch.experiment_into("run --shard 1/2 --dry-run").said();
+    assert_eq!(line(&own, "ridge"), "2 0");
 
     scratch.experiment().assert().success();
-    let journal = fs::read(scratch.path("run/trials.jsonl")).unwrap();
+    let journal = scratch.read("run/trials.jsonl");
     let after = scratch.experiment().arg("--dry-run").said();
-    let done = ["4", "0", "4", "0"];
-    assert_eq!(line(&after, "exhaustive"), done, "{after}");
+    assert_eq!(line(&after, "exhaustive"), "4 0 4 0");
     assert!(after.contains("nothing is missing"), "{after}");
-    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), journal);
+    assert_eq!(scratch.read("run/trials.jsonl"), journal);
 }

@@ -1,20 +1,22 @@
 //! Simulated datasets on disk: written, interrupted, read and looked at.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::{Ends, Mounted, Scratch, expect, kill, tree};
-use sps_dataset::{DecodeSettings, read_image};
+use crate::support::{Ends, Mounted, Scratch, expect, kill, line, tree};
+use serde_json::json;
+use sps_dataset::{DecodeSettings, decode_image};
 
 /// Eight surfaces of four small views.
 const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
 
-/// The finished surfaces of an unfinished dataset.
-fn finished(folder: &Path) -> Vec<PathBuf> {
+/// The frames of each finished surface of an unfinished dataset.
+fn finished(folder: &Path) -> Vec<BTreeMap<PathBuf, Vec<u8>>> {
     let surfaces = fs::read_dir(folder.join("frames")).into_iter().flatten();
     let surfaces = surfaces.map(Result::unwrap);
     let surfaces = surfaces.filter(|of| !of.file_name().to_string_lossy().starts_with('.'));
-    surfaces.map(|surface| surface.path()).collect()
+    surfaces.map(|surface| tree(&surface.path())).collect()
 }
 
 #[test]
@@ -28,9 +30,7 @@ fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     // Once the first surface is whole.
     kill(child, || !finished(&cut).is_empty());
     let begun = finished(&cut);
-    for surface in &begun {
-        assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
-    }
+    assert!(begun.iter().all(|frames| frames.len() == 4));
     let log = small("cut").logged();
     if begun.len() < 8 {
         assert!(!log.contains(" 0 were there"), "{log}");
@@ -48,14 +48,13 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
     let out = data.join("set");
     let small = |out: &str| scratch.sps(&format!("{SMALL} --out @{out}"));
     let text = small("disk/set").message();
-    expect(&text, &["disk/set", "no space is left"]);
+    expect(&text, "disk/set; no space is left");
     assert_eq!(text.lines().count(), 1, "{text}");
     assert!(!out.join("dataset.toml").exists());
-    for surface in finished(&out) {
-        let frames = tree(&surface);
+    for frames in finished(&out) {
         assert_eq!(frames.len(), 4);
-        for name in frames.keys() {
-            read_image(&surface.join(name), &DecodeSettings::default()).unwrap();
+        for bytes in frames.values() {
+            decode_image(bytes, &DecodeSettings::default()).unwrap();
         }
     }
     mounted.remount("size=10m");
@@ -67,32 +66,22 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
 #[test]
 fn inspect_prints_and_draws_the_statistics() {
     let scratch = Scratch::new();
-    let friction = || {
-        let text = scratch.sps("inspect @data --out @figures").said();
-        let mut lines = text.lines();
-        let line = lines.find(|line| line.trim_start().starts_with("fRS "));
-        let cells = line.unwrap().split_whitespace();
-        cells.map(str::to_owned).collect::<Vec<_>>()
-    };
+    let friction = || line(&scratch.sps("inspect @data --out @figures").said(), "fRS");
     // What the paper prints stands beside its own surfaces and those simulated after them alone.
     let own = friction();
     scratch.edit("data/dataset.toml", "name =", "origin = \"paper\"\nname =");
     let printed = friction();
-    assert_eq!(printed[..own.len()], own);
-    let published = printed[own.len()..].iter().map(|q| q.parse::<f64>());
-    let published: Vec<f64> = published.map(Result::unwrap).collect();
-    assert_eq!(published, [13.3, 30.0, 34.5, 46.6, 100.0]);
+    assert_eq!(printed, own + " 13.3 30.0 34.5 46.6 100.0");
     for name in ["boxes.svg", "materials.svg"] {
         let svg = scratch.read(&format!("figures/{name}"));
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     }
-    expect(&scratch.read("figures/materials.svg"), &["other 100.0 %"]);
+    expect(&scratch.read("figures/materials.svg"), "other 100.0 %");
 
-    let elsewhere = scratch.path("elsewhere");
-    fs::create_dir(&elsewhere).unwrap();
+    let elsewhere = Scratch::empty();
     let mut inspect = scratch.sps("inspect @data");
-    inspect.current_dir(&elsewhere).assert().success();
-    assert_eq!(fs::read_dir(elsewhere).unwrap().count(), 0);
+    inspect.current_dir(elsewhere.path(".")).assert().success();
+    assert!(tree(&elsewhere.path(".")).is_empty());
 }
 
 #[test]
@@ -108,26 +97,19 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
     assert_eq!(medians["surfaces"], by_folder["surfaces"]);
     assert_ne!(medians["properties"], by_folder["properties"]);
 
-    let split = "[split.leave-one-out]\nby = \"group\"";
-    scratch.edit("tiny.toml", "[split.random]", split);
-    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", "");
-    let none = "[data]\nsimulated.test-surfaces = 0\n";
-    scratch.edit("tiny.toml", "[data]\n", none);
-    let mut simulated = by_config("data.from=simulator");
-    simulated.refused(&["tiny.toml", "data.from", "simulate"]);
+    scratch.simulates("test-surfaces = 0");
+    let mut simulated = by_config("reruns=1");
+    simulated.refused("tiny.toml; data.from; simulate");
 }
 
 #[test]
 fn a_simulated_dataset_reads_back_as_it_was_simulated() {
     let scratch = Scratch::new();
     let data = scratch.path("simulated");
-    let line =
-        "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --json --out @simulated";
+    let small = "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --out @simulated";
     for (written, there) in [(6, 0), (0, 6)] {
-        let expected = serde_json::json!({
-            "dataset": data, "written": written, "already_there": there,
-        });
-        assert_eq!(scratch.sps(line).json(), expected);
+        let expected = json!({ "dataset": data, "written": written, "already_there": there });
+        assert_eq!(scratch.sps(small).arg("--json").json(), expected);
     }
     scratch.sps("inspect @simulated --out @figures").said();
     let run = |settings: &str| {

@@ -22,65 +22,40 @@ id = "squeeze-{views}-{kind}"
 label = "SqueezeNet, {views}, {kind}"
 encoder = { name = "squeezenet1-0", resize = 24 }
 grid = { kind = ["ridge"], views = [1] }
-[[methods]]
-id = "narrow"
-label = "Never sure"
+[[sweep]]
+id = "{adaptive}"
+label = "Adaptive, {adaptive}"
 kind = "ridge"
 encoder = { resize = 24 }
 views = 3
 selector = { kind = "equidistant" }
-adaptive = { width = 1e-6, level = 0.5, calibration = 0.4 }
-[[methods]]
-id = "wide"
-label = "Always sure"
-kind = "ridge"
-encoder = { resize = 24 }
-views = 3
-selector = { kind = "equidistant" }
-adaptive = { width = 1e6, level = 0.5, calibration = 0.4 }
+grid = { adaptive = [
+    { as = "narrow", width = 1e-6, level = 0.5, calibration = 0.4 },
+    { as = "wide", width = 1e6, level = 0.5, calibration = 0.4 },
+] }
 "#;
 
-/// Enough of them to calibrate on.
-const SURFACES: &str = r#"
-from = "simulator"
-[data.simulated]
-surfaces = 40
-test-surfaces = 0
-size = 32
-views = 5
-"#;
-
+/// Of enough surfaces to calibrate on.
 fn scratch(settings: &str) -> Scratch {
     let scratch = Scratch::with(settings);
-    scratch.edit("tiny.toml", "from = \"folder\"", SURFACES);
+    scratch.simulates("surfaces = 40, test-surfaces = 0, size = 32, views = 5");
     scratch
 }
 
-/// What one run of all settings left, for the tests that only read.
-struct Ran {
-    results: Value,
-    figure: String,
-    report: String,
-    html: String,
-    predictions: String,
-}
-
-static RAN: LazyLock<Ran> = LazyLock::new(|| {
+/// After a run of all settings, for tests that only read.
+static RAN: LazyLock<Scratch> = LazyLock::new(|| {
     let scratch = scratch(SETTINGS);
-    scratch.experiment().assert().success();
-    let read = |name: &str| scratch.read(&format!("run/{name}"));
-    Ran {
-        results: serde_json::from_str(&read("results.json")).unwrap(),
-        figure: read("figures/speed-error.svg"),
-        report: read("report.md"),
-        html: read("report.html"),
-        predictions: read("predictions.csv"),
-    }
+    scratch.ran();
+    scratch
 });
+
+fn results() -> Value {
+    RAN.json("run/results.json")
+}
 
 #[test]
 fn settings_are_drawn_and_the_questions_answered() {
-    let results = &RAN.results;
+    let results = &results();
     let seconds = |method: &Value| method["predict_seconds_per_surface"].as_f64().unwrap();
     let r2 = |method: &Value| method["r2_mean"].as_f64().unwrap();
     let methods = results["methods"].as_array().unwrap();
@@ -104,21 +79,22 @@ fn settings_are_drawn_and_the_questions_answered() {
     let fastest = answer("fastest_within_error");
     assert!(1.0 - r2(fastest) <= 1.02 * (1.0 - best));
 
+    let figure = RAN.read("run/figures/speed-error.svg");
     for one in methods {
         let label = one["label"].as_str().unwrap();
-        assert!(RAN.figure.contains(&format!("<title>{label}: ")), "{label}");
+        expect(&figure, &format!("<title>{label}: "));
     }
-    let titles = ["## Two questions", "## Every setting", "| ● "];
-    expect(&RAN.report, &titles);
-    let titles = ["Speed against error", "Width of intervals against error"];
-    expect(&RAN.html, &titles);
-    let coverage = ["Coverage of intervals", "data:image/png;base64,"];
-    expect(&RAN.html, &coverage);
+    let report = RAN.read("run/report.md");
+    expect(&report, "## Two questions; ## Every setting; | ● ");
+    let html = RAN.read("run/report.html");
+    let titles = "Speed against error; Width of intervals against error";
+    expect(&html, titles);
+    expect(&html, "Coverage of intervals; data:image/png;base64,");
 }
 
 #[test]
 fn costs_come_in_parts() {
-    let results = &RAN.results;
+    let results = &results();
     let of = |id: &str, key: &str| method(results, id)[key].as_f64().unwrap();
     for id in ["small-1-ridge", "squeeze-1-ridge", "small-all-head", "wide"] {
         let part = |part: &str| of(id, &format!("{part}_seconds_per_surface"));
@@ -137,7 +113,7 @@ fn costs_come_in_parts() {
 
 #[test]
 fn views_are_added_until_the_interval_is_narrow_enough() {
-    let results = &RAN.results;
+    let results = &results();
     let wide = method(results, "wide");
     assert_eq!(wide["adaptive"]["mean_views"], 1.0);
     assert_eq!(wide["adaptive"]["narrow"], 1.0);
@@ -149,7 +125,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
     let share = serde_json::json!([0.0, 0.0, 1.0]);
     assert_eq!(narrow["adaptive"]["share_of_views"], share);
     // What single estimates took, and their intervals.
-    for line in rows::<BTreeMap<String, String>>(&RAN.predictions) {
+    for line in rows::<BTreeMap<String, String>>(&RAN.read("run/predictions.csv")) {
         let number = |key: &str| line[key].parse::<f64>().ok();
         match line["method"].as_str() {
             "narrow" => assert_eq!(line["views"], "3"),
@@ -165,7 +141,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
 
 #[test]
 fn a_method_says_the_same_beside_methods_with_other_encoders() {
-    let (alone, beside) = (scratch("").ran(), &RAN.results);
+    let (alone, beside) = (scratch("").ran(), &results());
     for id in ["ridge", "cross-modal"] {
         assert_eq!(method(&alone, id)["r2"], method(beside, id)["r2"]);
     }
@@ -175,25 +151,24 @@ fn a_method_says_the_same_beside_methods_with_other_encoders() {
 
 #[test]
 fn wrong_settings_are_refused_at_their_line() {
-    let refused = |settings: &str, parts: &[&str]| scratch(settings).is_refused(parts);
+    let refused = |settings: &str, parts: &str| scratch(settings).is_refused(parts);
     let sweep = "[[sweep]]\nid = 's'\nlabel = 'S'\nkind = 'ridge'\ngrid = { views = [1] }\n";
     let vgg = "encoder = { name = \"vgg\" }";
-    let key = [vgg, "sweep.0.encoder.name", "vgg"];
+    let key = format!("{vgg}; sweep.0.encoder.name; vgg");
     refused(&format!("{sweep}{vgg}"), &key);
     let slip = format!("{sweep}encoder = {{ nam = \"vgg\" }}");
-    refused(&slip, &["did you mean `name`?"]);
-    let twice = sweep.replace("[1]", "[1, 1]");
-    refused(&twice, &["two methods", "s-1"]);
-    let adaptive = |more: &str, width: &str, parts: &[&str]| {
+    refused(&slip, "did you mean `name`?");
+    refused(&sweep.replace("[1]", "[1, 1]"), "two methods; s-1");
+    let adaptive = |more: &str, width: &str, parts: &str| {
         let method = "[[methods]]\nid = 'a'\nlabel = 'A'\nkind = 'ridge'";
         let adaptive = format!("adaptive = {{ width = {width} }}");
         refused(&format!("{method}\n{more}\n{adaptive}"), parts);
     };
-    adaptive("", "1.0", &["adaptive", "needs a number of `views`"]);
+    adaptive("", "1.0", "adaptive; needs a number of `views`");
     let several = "views = 3\nselector = { kind = 'equidistant' }";
-    adaptive(several, "0.0", &["adaptive.width", "above 0"]);
+    adaptive(several, "0.0", "adaptive.width; above 0");
     let trained = format!("{several}\nencoder = {{ trainable = true }}");
-    adaptive(&trained, "1.0", &["adaptive", "not trained"]);
+    adaptive(&trained, "1.0", "adaptive; not trained");
     let error = "[report.speed]\nwithin-error = -1.0";
-    refused(error, &["within-error", "from 0 on"]);
+    refused(error, "within-error; from 0 on");
 }

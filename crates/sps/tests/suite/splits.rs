@@ -1,6 +1,6 @@
 //! What splits keep together, from the config to the results.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use crate::support::{Ends, Scratch, expect, method, rows};
 use serde::Deserialize;
@@ -21,14 +21,10 @@ struct Prediction {
 #[test]
 fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
-    scratch.edit("tiny.toml", "validation = 0.34", "folds = 2");
-    scratch.edit("tiny.toml", "by = \"surface\"", "by = \"material\"");
-    scratch.edit("tiny.toml", "reruns = 2", "reruns = 3");
-    scratch.edit("tiny.toml", "[\"fRS\", \"cDF\"]", "[\"fRS\"]");
-    let mut run = scratch.experiment();
-    run.args(["--only", "ridge"]).assert().success();
-
+    let mut run = scratch.experiment_into("run --only ridge");
+    let split = "split={k-fold={folds=2,by=\"material\"}}";
+    run.set(&[split, "reruns=3", "properties=[\"fRS\"]"]);
+    run.assert().success();
     let results = scratch.results();
     assert_eq!(results["dataset"]["unit"], "material");
     assert_eq!(results["dataset"]["units"], 4);
@@ -38,23 +34,20 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
 
     let ridge = method(&results, "ridge");
     let means = ridge["training_means"]["fRS"].as_array().unwrap();
-    let mut folds: BTreeMap<usize, Vec<Prediction>> = BTreeMap::new();
-    for one in rows::<Prediction>(&scratch.read("run/predictions.csv")) {
-        folds.entry(one.rerun).or_default().push(one);
-    }
+    let mut all: Vec<Prediction> = rows(&scratch.read("run/predictions.csv"));
+    all.sort_by_key(|one| one.rerun);
+    let folds = all.chunk_by(|one, other| one.rerun == other.rerun);
+    let folds: Vec<&[Prediction]> = folds.collect();
     assert_eq!((folds.len(), means.len()), (6, 6));
-    let folds: Vec<Vec<Prediction>> = folds.into_values().collect();
     let mut r2 = 0.0;
     for (rerun, means) in folds.chunks(2).zip(means.chunks(2)) {
-        let mut names: Vec<&str> = rerun.iter().flatten().map(|p| &*p.surface).collect();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), 6);
+        let names = rerun.iter().copied().flatten().map(|p| &*p.surface);
+        assert_eq!(names.collect::<BTreeSet<_>>().len(), 6);
         let mut groups = rerun[0].iter().map(|p| &p.group);
         assert!(groups.all(|group| rerun[1].iter().all(|p| p.group != *group)));
         let (mut errors, mut distances) = (0.0, 0.0);
         for (fold, mean) in rerun.iter().zip(means) {
-            for one in fold {
+            for one in *fold {
                 errors += (one.truth - one.estimate).powi(2);
                 distances += (one.truth - mean.as_f64().unwrap()).powi(2);
             }
@@ -64,19 +57,16 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     let scored = ridge["r2"]["fRS"].as_f64().unwrap();
     assert!((scored - r2).abs() < 1e-9, "{scored}, {r2}");
     let held_out = |fold: &[Prediction]| fold.iter().map(|p| p.surface.clone()).collect::<Vec<_>>();
-    let first = held_out(&folds[0]);
-    assert!(folds[2..].iter().any(|fold| {
-        let other = held_out(fold);
-        other.contains(&first[0]) && other != first
-    }));
+    let first = held_out(folds[0]);
+    let mut others = folds[2..].iter().map(|fold| held_out(fold));
+    assert!(others.any(|other| other.contains(&first[0]) && other != first));
 }
 
-/// One bolt of denim has two surfaces. By surface, a model that is trained on one is asked about the
-/// other.
+/// One bolt of denim has two surfaces. By surface, a model that is trained on one is asked about the other.
 #[test]
 fn training_says_which_question_was_asked() {
     let scratch = Scratch::new();
-    let train = |by: &str, parts: &[&str]| {
+    let train = |by: &str, parts: &str| {
         let split = format!("split={{leave-one-out={{by=\"{by}\"}}}}");
         let mut train = scratch.sps(&format!("fit --config @tiny.toml --out @{by}"));
         train.set(&["train.method=ridge", "reruns=1", &split]);
@@ -84,9 +74,8 @@ fn training_says_which_question_was_asked() {
     };
     let known =
         "splits are by surface: 33.3 % of the surfaces held out are of a group that was trained on";
-    train("surface", &[known]);
+    train("surface", known);
     let new = "splits are by group: scores tell what is known of new groups; 33.3 % of the surfaces \
-        held out are of a material";
-    let calibrated = "the intervals of the model are calibrated on 1 of 5 groups";
-    train("group", &[new, calibrated]);
+        held out are of a material; the intervals of the model are calibrated on 1 of 5 groups";
+    train("group", new);
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::support::{Ends, Scratch, root};
+use crate::support::{Ends, Scratch, root, simulated};
 use crate::tables::tables;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
@@ -56,8 +56,7 @@ fn r2(of: (&Embeddings, &Readings), held_out: &[usize], training: &[usize]) -> f
 /// How many surfaces are measured.
 const MEASURED: [usize; 4] = [10, 20, 40, 80];
 
-/// Mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to choose
-/// from.
+/// Mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to choose from.
 fn curves(dataset: &DatasetFolder, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
     const DRAWS: u64 = 20;
     let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
@@ -88,11 +87,6 @@ fn curves(dataset: &DatasetFolder, held_out: usize) -> [[f64; 2]; MEASURED.len()
     sums
 }
 
-fn gains(curves: &[[f64; 2]]) -> Vec<f64> {
-    let gains = curves.iter().map(|[chosen, random]| chosen - random);
-    gains.collect()
-}
-
 /// The numbers in the row of docs/guide.md that begins with a word.
 fn in_the_guide(word: &str) -> Vec<f64> {
     let guide = fs::read_to_string(root().join("docs/guide.md")).unwrap();
@@ -119,18 +113,15 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
         let near = both.all(|(told, found)| (told - found).abs() < 0.005);
         assert!(near, "{word}: the guide has {told:?}, found {found:?}");
     }
-    let gains = gains(&curves);
+    let gains = curves.map(|[chosen, random]| chosen - random);
     assert!(gains[0] > 0.05 && gains[1] > 0.03, "{gains:?}");
     assert!(gains.iter().all(|gain| *gain > -0.01), "{gains:?}");
 }
 
 #[test]
 fn so_do_simulated_ones() {
-    let scratch = Scratch::new();
-    let line = "simulate --surfaces 300 --views 1 --size 96 --seed 5 --out @simulated";
-    scratch.sps(line).assert().success();
-    let folder = scratch.path("simulated");
-    let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-    let gains = gains(&curves(&dataset, 100));
+    let scratch = simulated("--surfaces 300 --views 1 --size 96 --seed 5");
+    let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
+    let gains = curves(&dataset, 100).map(|[chosen, random]| chosen - random);
     assert!(gains[0] > 0.0 && gains[1] > 0.0, "{gains:?}");
 }

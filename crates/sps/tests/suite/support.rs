@@ -5,10 +5,9 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{self, Output, Stdio};
+use std::process::{self, ExitStatus, Output, Stdio};
 
 use assert_cmd::Command;
-use assert_cmd::assert::Assert;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -18,11 +17,15 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The command, in the root of the repository.
-pub(crate) fn sps() -> Command {
-    let mut command = Command::cargo_bin("sps").expect("sps is built");
-    command.current_dir(root()).env_remove("RUST_LOG");
-    command
+/// Waits for the end of a process: its status, and its log.
+pub(crate) fn end(process: process::Child) -> (ExitStatus, String) {
+    let Output { status, stderr, .. } = process.wait_with_output().expect("a process");
+    (status, String::from_utf8_lossy(&stderr).into_owned())
+}
+
+/// Whether a journal has anything yet.
+pub(crate) fn has_lines(journal: &Path) -> bool {
+    fs::metadata(journal).is_ok_and(|file| file.len() > 0)
 }
 
 /// Waits until a process has `begun`, or has ended.
@@ -63,16 +66,25 @@ epochs = 3
 level = 0.95
 [cache]
 folder = "CACHE"
-[[methods]]
-id = "ridge"
-label = "Ridge"
-kind = "ridge"
-[[methods]]
-id = "cross-modal"
-label = "Cross-modal"
-kind = "head"
-head.model = { kind = "cross-modal" }
 "#;
+
+/// Its methods.
+const METHODS: &str = "\
+ridge | Ridge | ridge
+cross-modal | Cross-modal | head | head.model = { kind = \"cross-modal\" }
+";
+
+/// Methods, one a line: `ID | LABEL | KIND | KEY = VALUE; KEY = VALUE`.
+fn methods(lines: &str) -> String {
+    let table = |line: &str| {
+        let mut cells = line.split(" | ");
+        let mut next = || cells.next().unwrap_or_default();
+        let [id, label, kind, more] = [next(), next(), next(), next()];
+        let more = more.replace("; ", "\n");
+        format!("[[methods]]\nid = \"{id}\"\nlabel = \"{label}\"\nkind = \"{kind}\"\n{more}\n")
+    };
+    lines.lines().map(table).collect()
+}
 
 impl Scratch {
     pub(crate) fn empty() -> Self {
@@ -84,27 +96,20 @@ impl Scratch {
         Self::with("")
     }
 
-    /// The same with methods added to its config.
-    pub(crate) fn with(methods: &str) -> Self {
+    /// The same with tables added to its config.
+    pub(crate) fn with(tables: &str) -> Self {
         let scratch = Self::empty();
         copy(&root().join("fixtures/tiny-dataset"), &scratch.path("data"));
         let path = |name: &str| scratch.path(name).display().to_string();
         let config = CONFIG.replace("DATA", &path("data"));
-        let config = config.replace("CACHE", &path("cache")) + methods;
-        scratch.write("tiny.toml", config);
+        let config = config.replace("CACHE", &path("cache"));
+        scratch.write("tiny.toml", config + &methods(METHODS) + tables);
         scratch
     }
 
-    /// The same with methods, one a line: `ID | LABEL | KIND | KEY = VALUE; KEY = VALUE`.
+    /// The same with methods, as [`methods`] has them.
     pub(crate) fn with_methods(lines: &str) -> Self {
-        let table = |line: &str| {
-            let mut cells = line.split(" | ");
-            let mut next = || cells.next().unwrap_or_default();
-            let [id, label, kind, more] = [next(), next(), next(), next()];
-            let more = more.replace("; ", "\n");
-            format!("[[methods]]\nid = '{id}'\nlabel = '{label}'\nkind = '{kind}'\n{more}\n")
-        };
-        Self::with(&lines.lines().map(table).collect::<String>())
+        Self::with(&methods(lines))
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
@@ -127,6 +132,16 @@ impl Scratch {
         fs::read_to_string(self.path(name)).expect("a text file")
     }
 
+    /// The same of JSON.
+    pub(crate) fn json(&self, name: &str) -> Value {
+        serde_json::from_str(&self.read(name)).expect("JSON")
+    }
+
+    /// The bytes of a file of the scratch folder.
+    pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).expect("a file")
+    }
+
     /// The words of a line, in which `@NAME` is the path of a file of the scratch folder.
     pub(crate) fn words(&self, line: &str) -> Vec<String> {
         let folder = format!("{}/", self.folder.path().display());
@@ -136,8 +151,13 @@ impl Scratch {
 
     /// The command with the words of such a line.
     pub(crate) fn sps(&self, line: &str) -> Command {
-        let mut command = sps();
-        command.args(self.words(line));
+        self.process(line).into()
+    }
+
+    /// The same, run in the scratch folder.
+    pub(crate) fn inside(&self, line: &str) -> Command {
+        let mut command = self.sps(line);
+        command.current_dir(self.path("."));
         command
     }
 
@@ -148,6 +168,28 @@ impl Scratch {
         command.stdout(Stdio::null()).stderr(Stdio::null());
         command.args(self.words(line));
         command
+    }
+
+    /// Starts it, its log to be read.
+    pub(crate) fn start(&self, line: &str) -> process::Child {
+        let mut process = self.process(line);
+        process.stderr(Stdio::piped()).spawn().expect("a process")
+    }
+
+    /// Keys of the trials of the run in a folder, in their order.
+    pub(crate) fn keys(&self, run: &str) -> Vec<String> {
+        let journal = self.bytes(&format!("{run}/trials.jsonl"));
+        // Half a line that a kill has left is no trial.
+        let lines = journal.split(|byte| *byte == b'\n');
+        let lines = lines.filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+        let keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
+        keys.collect()
+    }
+
+    /// Has the config simulate its surfaces.
+    pub(crate) fn simulates(&self, settings: &str) {
+        let simulator = format!("from = \"simulator\"\nsimulated = {{ {settings} }}");
+        self.edit("tiny.toml", "from = \"folder\"", &simulator);
     }
 
     /// Changes the readings of surfaces.
@@ -171,9 +213,14 @@ impl Scratch {
         self.experiment_into("run")
     }
 
-    /// `experiment` on the scratch config, into a folder of this name.
+    /// `experiment` on the scratch config, into a folder of this name; options may follow.
     pub(crate) fn experiment_into(&self, run: &str) -> Command {
         self.sps(&format!("experiment @tiny.toml --out @{run}"))
+    }
+
+    /// The same to its end: its log.
+    pub(crate) fn run_into(&self, run: &str) -> String {
+        self.experiment_into(run).logged()
     }
 
     /// The folder after such a run.
@@ -185,12 +232,17 @@ impl Scratch {
 
     /// The same to its end, into the folder `run`: its results without what depends on the clock.
     pub(crate) fn ran(&self) -> Value {
-        self.experiment().assert().success();
+        self.ran_with(&[])
+    }
+
+    /// The same with settings of the config.
+    pub(crate) fn ran_with(&self, settings: &[&str]) -> Value {
+        self.experiment().set(settings).assert().success();
         self.results()
     }
 
     /// `experiment` on the scratch config fails with a message that has every part.
-    pub(crate) fn is_refused(&self, parts: &[&str]) {
+    pub(crate) fn is_refused(&self, parts: &str) {
         self.experiment().refused(parts);
     }
 
@@ -201,8 +253,7 @@ impl Scratch {
 
     /// The same of the run in a folder of this name.
     pub(crate) fn results_in(&self, run: &str) -> Value {
-        let text = self.read(&format!("{run}/results.json"));
-        let mut results: Value = serde_json::from_str(&text).expect("JSON");
+        let mut results = self.json(&format!("{run}/results.json"));
         let whole = results.as_object_mut().expect("results");
         // The config names the folder of the cache.
         for key in ["cpu", "threads", "config_hash"] {
@@ -210,12 +261,9 @@ impl Scratch {
         }
         for method in results["methods"].as_array_mut().expect("methods") {
             let method = method.as_object_mut().expect("a method");
-            for part in ["decode", "encode", "head", "predict"] {
-                let key = format!("{part}_seconds_per_surface");
-                assert!(method.remove(&key).is_some());
-            }
-            // More threads hold more at once.
-            let keys = "train_seconds encoder_train_seconds peak_memory_bytes";
+            // Of memory, more threads hold more at once.
+            let keys = "decode_seconds_per_surface encode_seconds_per_surface head_seconds_per_surface \
+                predict_seconds_per_surface train_seconds encoder_train_seconds peak_memory_bytes";
             for key in keys.split(' ') {
                 assert!(method.remove(key).is_some());
             }
@@ -255,15 +303,17 @@ pub(crate) trait Ends {
     /// The same with settings of the config.
     fn set(&mut self, settings: &[&str]) -> &mut Self;
 
-    /// What it prints, and its log, where it succeeds.
-    fn said_and_logged(&mut self) -> [String; 2];
+    /// What it prints, and its log, where it ends with this status.
+    fn ended(&mut self, status: i32) -> [String; 2];
 
-    /// What it prints, and its log, where it fails with status 1.
-    fn failed(&mut self) -> [String; 2];
+    /// The same where it succeeds.
+    fn said_and_logged(&mut self) -> [String; 2] {
+        self.ended(0)
+    }
 
     /// The message where it fails as it should.
     fn message(&mut self) -> String {
-        let [_, log] = self.failed();
+        let [_, log] = self.ended(1);
         assert!(!log.contains("panicked"), "{log}");
         let error = log.find("error: ").expect("an error message");
         log[error..].trim_end().to_owned()
@@ -287,7 +337,7 @@ pub(crate) trait Ends {
     }
 
     /// Fails as it should, with a message that has every part.
-    fn refused(&mut self, parts: &[&str]) {
+    fn refused(&mut self, parts: &str) {
         expect(&self.message(), parts);
     }
 }
@@ -297,35 +347,34 @@ impl Ends for Command {
         self.args(settings.iter().flat_map(|setting| ["--set", setting]))
     }
 
-    fn said_and_logged(&mut self) -> [String; 2] {
-        texts(&self.assert().success())
-    }
-
-    fn failed(&mut self) -> [String; 2] {
-        texts(&self.assert().code(1))
+    fn ended(&mut self, status: i32) -> [String; 2] {
+        let ended = self.assert().code(status);
+        let Output { stdout, stderr, .. } = ended.get_output().clone();
+        [stdout, stderr].map(|text| String::from_utf8(text).expect("UTF-8"))
     }
 }
 
-/// What a command printed, and its log.
-pub(crate) fn texts(ended: &Assert) -> [String; 2] {
-    let Output { stdout, stderr, .. } = ended.get_output().clone();
-    [stdout, stderr].map(|text| String::from_utf8(text).expect("UTF-8"))
+/// The words of the line of a table that begins with this one, after it.
+pub(crate) fn line(said: &str, first: &str) -> String {
+    let mut lines = said.lines().map(str::trim_start);
+    let found = lines.find_map(|line| line.strip_prefix(first)?.strip_prefix([' ', '\t']));
+    let words: Vec<&str> = found.expect(said).split_whitespace().collect();
+    words.join(" ")
 }
 
-/// Every part is in the message.
-pub(crate) fn expect(message: &str, parts: &[&str]) {
-    for part in parts {
+/// Every part is in the message; parts have `; ` between them.
+pub(crate) fn expect(message: &str, parts: &str) {
+    for part in parts.split("; ") {
         assert!(message.contains(part), "`{part}` is not in: {message}");
     }
 }
 
 /// The lines of a table of cases: what stands before ` | `, where `\n` ends a line, and the parts behind it.
-pub(crate) fn cases(lines: &'static str) -> Vec<(String, Vec<&'static str>)> {
-    let case = |line: &'static str| {
+pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (String, &str)> {
+    lines.trim().lines().map(|line| {
         let (before, parts) = line.split_once(" | ").expect("a case");
-        (before.replace(r"\n", "\n"), parts.split("; ").collect())
-    };
-    lines.trim().lines().map(case).collect()
+        (before.replace(r"\n", "\n"), parts)
+    })
 }
 
 /// The rows of a table in CSV.
@@ -382,7 +431,21 @@ impl Drop for Mounted<'_> {
     }
 }
 
-/// A scratch folder with a model in `model`, its config with `more` set; its dataset may be another.
+/// A scratch folder whose dataset is simulated.
+pub(crate) fn simulated(options: &str) -> Scratch {
+    let scratch = Scratch::new();
+    fs::remove_dir_all(scratch.path("data")).expect("the tiny dataset");
+    let line = format!("simulate {options} --out @data");
+    scratch.sps(&line).assert().success();
+    scratch
+}
+
+/// A scratch folder with a model in `model`, its config with `more` set.
+pub(crate) fn fitted(more: &[&str]) -> Scratch {
+    fitted_in(Scratch::new(), more)
+}
+
+/// The same, where the dataset may be another.
 pub(crate) fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
     calibrates(&scratch);
     scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");

@@ -1,13 +1,11 @@
 //! Training encoders from the command line.
 
 use std::fs;
-use std::path::Path;
 
 use crate::support::{Ends, Scratch};
 use serde_json::Value;
 
-/// An experiment in which the encoder of each of two reruns is trained, through heads with all their
-/// losses.
+/// An experiment in which the encoder of each of two reruns is trained, through heads with all their losses.
 fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
     let mut command = scratch.sps(
         "experiment configs/end-to-end.toml --fresh --only frozen --only heads --out @run \
@@ -20,8 +18,8 @@ fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
     (scratch.results(), log)
 }
 
-fn entries(folder: &Path) -> usize {
-    fs::read_dir(folder).unwrap().count()
+fn entries(scratch: &Scratch, folder: &str) -> usize {
+    fs::read_dir(scratch.path(folder)).unwrap().count()
 }
 
 #[test]
@@ -29,10 +27,10 @@ fn an_encoder_is_trained_once_for_each_rerun() {
     let scratch = Scratch::new();
     let (results, log) = fine_tune(&scratch, &[]);
     assert!(!log.contains("trained before"), "{log}");
-    assert_eq!(entries(&scratch.path("cache/encoders")), 2);
+    assert_eq!(entries(&scratch, "cache/encoders"), 2);
     for entry in fs::read_dir(scratch.path("cache/encoders")).unwrap() {
-        let epochs = fs::read(entry.unwrap().path().join("epochs.json")).unwrap();
-        let epochs: Value = serde_json::from_slice(&epochs).unwrap();
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let epochs = scratch.json(&format!("cache/encoders/{name}/epochs.json"));
         for loss in "values classes embedding generator discriminator".split(' ') {
             let value = epochs[1]["training"][loss].as_f64().unwrap();
             assert!(value.is_finite() && value != 0.0, "{loss}: {value}");
@@ -41,17 +39,12 @@ fn an_encoder_is_trained_once_for_each_rerun() {
     let (again, log) = fine_tune(&scratch, &[]);
     assert_eq!(log.matches("trained before").count(), 2, "{log}");
     assert_eq!(again, results);
-}
 
-/// Embeddings are kept by what computes them.
-#[test]
-fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
-    let scratch = Scratch::new();
-    fine_tune(&scratch, &[]);
-    assert_eq!(entries(&scratch.path("cache/embeddings")), 3);
+    // Embeddings are kept by what computes them, in the precision that is asked for.
+    assert_eq!(entries(&scratch, "cache/embeddings"), 3);
     fine_tune(&scratch, &["encoder.precision=bf16"]);
-    assert_eq!(entries(&scratch.path("cache/embeddings")), 6);
+    assert_eq!(entries(&scratch, "cache/embeddings"), 6);
     // Scaled for what each rerun trains on: two frozen, what training starts from, two trained.
     fine_tune(&scratch, &["encoder.precision=int8"]);
-    assert_eq!(entries(&scratch.path("cache/embeddings")), 10);
+    assert_eq!(entries(&scratch, "cache/embeddings"), 10);
 }

@@ -4,8 +4,6 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
-
 use super::Photographs;
 use crate::support::{Ends, cases, expect, root};
 
@@ -26,19 +24,17 @@ fn rows_for_each_photograph() {
         s2,9,second/0.png,denim,4,3\n\
         s1,9,first/0.png,oak,20,\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let said = ["2 surfaces", "1 photographs (spare.png)", "fRS, cDF"];
-    expect(&photographs.import().said(), &said);
-    photographs.ensure_tables(
-        "surface,material,group; s1,oak,s1; s2,denim,s2",
-        "surface,location,repeat,fRS,cDF; s1,0,0,20,; s2,0,0,4,3",
-    );
+    let said = "2 surfaces; 1 photographs (spare.png); fRS, cDF";
+    expect(&photographs.import("").said(), said);
+    let tactile = "surface,location,repeat,fRS,cDF; s1,0,0,20,; s2,0,0,4,3";
+    photographs.ensure_tables("surface,material,group; s1,oak,s1; s2,denim,s2", tactile);
     // As numbers, 9 is before 10.
     assert!(photographs.has("s1/000.png", "oak-02/000.png"));
     assert!(photographs.has("s1/001.png", "oak-02/001.png"));
     assert!(photographs.has("s2/000.png", "denim-01/000.png"));
     let manifest = photographs.text("dataset.toml");
-    let order = "# - views are in the order 9, 10";
-    expect(&manifest, &[order, "nominal", "[0.0, 45.0]"]);
+    let order = "# - views are in the order 9, 10; nominal; [0.0, 45.0]";
+    expect(&manifest, order);
 }
 
 /// As [`super::REFUSED`].
@@ -57,7 +53,7 @@ surface,fRS\nfirst,1\nfirst,2\n | would both be surface `first`
 #[test]
 fn rows_that_are_no_surfaces() {
     for (table, parts) in cases(NO_SURFACES) {
-        Photographs::new(&FOLDERS, &table).is_refused(&parts);
+        Photographs::new(&FOLDERS, &table).is_refused("", parts);
     }
 }
 
@@ -65,67 +61,50 @@ fn rows_that_are_no_surfaces() {
 fn a_folder_for_each_surface() {
     let table = "surface,group,fRS\nsecond,roll 7,4\nfirst,,20\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let mut three = photographs.import_with("--angles 0,30,60");
-    three.refused(&["found 3 angles", "each of 2 photographs"]);
-    let mut two = photographs.import_with("--angles -30,12.5");
+    photographs.is_refused("--angles 0,30,60", "found 3 angles; each of 2 photographs");
+    let mut two = photographs.import("--angles -30,12.5");
     two.assert().success();
     let surfaces = "surface,material,group\nsecond,unknown,roll 7\nfirst,unknown,first\n";
     assert_eq!(photographs.text("surfaces.csv"), surfaces);
     let manifest = photographs.text("dataset.toml");
-    expect(&manifest, &["[-30.0, 12.5]", "in the order of their names"]);
+    expect(&manifest, "[-30.0, 12.5]; in the order of their names");
     assert!(!manifest.contains("nominal"));
     assert!(photographs.has("second/001.png", "denim-01/001.png"));
 
     let uneven = Photographs::new(&FOLDERS[..3], table);
-    uneven.is_refused(&["surface `first` is 2", "`second` is 1"]);
-    let unclear = [
-        ("oak-02/000.png", "first/10.png"),
-        ("oak-02/001.png", "first/9.png"),
-    ];
+    uneven.is_refused("", "surface `first` is 2; `second` is 1");
+    let unclear = ["first/10.png", "first/9.png"].map(|name| ("oak-02/000.png", name));
     let unclear = Photographs::new(&unclear, "surface,fRS\nfirst,1\n");
-    unclear.is_refused(&["line 2", "`10.png`", "`9.png`", "equally many digits"]);
+    unclear.is_refused("", "line 2; `10.png`; `9.png`; equally many digits");
 }
-
-/// The layout in which the material ratings are published: a folder for each view, ratings in the order
-/// of names, and the names of columns in a file of their own.
-struct Published(Photographs);
 
 /// The folders of the views, and what a dataset calls their frames.
 const VIEWS: [(&str, &str); 2] = [("non-specular", "000.jpg"), ("specular", "001.jpg")];
 
-impl Published {
-    fn new(names: &[&str], ratings: &str, order: &str) -> Self {
-        let photographs = Photographs::new(&[], ratings);
-        photographs.0.write("order.txt", order);
-        let frames = Path::new("fixtures/tiny-dataset/frames");
-        for (name, surface) in names.iter().zip(["oak-01", "denim-02", "oak-01"]) {
-            for (view, of) in VIEWS {
-                let from = frames.join(surface).join(of);
-                photographs.add(&from, &format!("{view}/{name}"));
-            }
+/// How it is imported.
+const OPTIONS: &str = "--views non-specular,specular --columns @order.txt --materials-from-names";
+
+/// The layout in which the material ratings are published: a folder for each view, ratings in the order
+/// of names, and the names of columns in a file of their own.
+fn published(names: &[&str], ratings: &str, order: &str) -> Photographs {
+    let photographs = Photographs::new(&[], ratings);
+    photographs.0.write("order.txt", order);
+    let frames = Path::new("fixtures/tiny-dataset/frames");
+    for (name, surface) in names.iter().zip(["oak-01", "denim-02", "oak-01"]) {
+        for (view, of) in VIEWS {
+            let from = frames.join(surface).join(of);
+            photographs.add(&from, &format!("{view}/{name}"));
         }
-        Self(photographs)
     }
-
-    fn import(&self) -> Command {
-        let views = "--views non-specular,specular --columns @order.txt";
-        let options = format!("{views} --materials-from-names");
-        self.0.import_with(&options)
-    }
-
-    fn is_refused(&self, parts: &[&str]) {
-        self.import().refused(parts);
-        assert!(!self.0.dataset().exists(), "{parts:?}");
-    }
+    photographs
 }
 
 #[test]
 fn a_folder_for_each_view() {
     let names = ["001_baked_clay01.jpg", "002_beads.jpg", "003_fabric012.jpg"];
     let ratings = "-0.32 0.5 \n-0.5 1 \n1e-1 2 \n";
-    let published = Published::new(&names, ratings, "fRS\ncDF\n");
-    published.import().assert().success();
-    let photographs = &published.0;
+    let photographs = published(&names, ratings, "fRS\ncDF\n");
+    photographs.import(OPTIONS).assert().success();
     photographs.ensure_tables(
         "surface,material,group; 001-baked-clay,baked-clay,001-baked-clay; 002-beads,beads,002-beads; \
          003-fabric,fabric,003-fabric",
@@ -135,21 +114,19 @@ fn a_folder_for_each_view() {
     assert!(photographs.has("002-beads/000.jpg", "denim-02/000.jpg"));
     assert!(photographs.has("002-beads/001.jpg", "denim-02/001.jpg"));
 
-    let refused = |names: &[&str], ratings: &str, parts: &[&str]| {
-        Published::new(names, ratings, "fRS\ncDF\n").is_refused(parts);
+    let refused = |names: &[&str], ratings: &str, parts: &str| {
+        published(names, ratings, "fRS\ncDF\n").is_refused(OPTIONS, parts);
     };
-    refused(&names, "1 2\n3 4\n", &["2 rows for 3 photographs"]);
-    let cells = ["line 3", "found 1 cells, expected 2"];
-    refused(&names, "1 2\n3 4\n5\n", &cells);
+    refused(&names, "1 2\n3 4\n", "2 rows for 3 photographs");
+    refused(&names, "1 2\n3 4\n5\n", "line 3; found 1 cells, expected 2");
     let numbers = ["1.jpg", "2.jpg", "3.jpg"];
-    refused(&numbers, ratings, &["line 1", "`1` names no material"]);
+    refused(&numbers, ratings, "line 1; `1` names no material");
     let uneven = ["1_a.jpg", "2_a.jpg", "10_a.jpg"];
-    refused(&uneven, ratings, &["`10_a.jpg`", "`1_a.jpg`"]);
+    refused(&uneven, ratings, "`10_a.jpg`; `1_a.jpg`");
 
-    let published = Published::new(&names, ratings, "fRS\ncDF\n");
-    let gone = published.0.0.path("photographs/specular").join(names[1]);
-    fs::remove_file(gone).unwrap();
-    published.is_refused(&["line 2", "specular/002_beads.jpg"]);
+    let photographs = published(&names, ratings, "fRS\ncDF\n");
+    fs::remove_file(photographs.0.path("photographs/specular/002_beads.jpg")).unwrap();
+    photographs.is_refused(OPTIONS, "line 2; specular/002_beads.jpg");
 }
 
 /// The 260 materials at hand, laid out as they are published, are the same dataset again.
@@ -165,26 +142,24 @@ fn material_ratings_taken_apart() {
     let header = lines.next().unwrap().split(',').skip(3);
     let order: String = header.map(|code| code.replace('-', " ") + "\n").collect();
     let mut ratings = String::new();
-    let published = Published::new(&[], "", &order);
+    let photographs = published(&[], "", &order);
     for line in lines {
         let mut cells = line.split(',');
         let surface = cells.next().unwrap();
         for (view, of) in VIEWS {
             let name = format!("{view}/{}01.jpg", surface.replace('-', "_"));
             let from = dataset.join("frames").join(surface).join(of);
-            published.0.add(&from, &name);
+            photographs.add(&from, &name);
         }
-        for cell in cells.skip(2) {
-            write!(ratings, "{cell} ").unwrap();
-        }
-        ratings.push('\n');
+        let row: Vec<&str> = cells.skip(2).collect();
+        writeln!(ratings, "{} ", row.join(" ")).unwrap();
     }
-    published.0.0.write("values.csv", ratings);
-    published.import().assert().success();
+    photographs.0.write("values.csv", ratings);
+    photographs.import(OPTIONS).assert().success();
     for name in ["surfaces.csv", "tactile.csv"] {
         let expected = fs::read_to_string(dataset.join(name)).unwrap();
-        assert!(published.0.text(name) == expected, "{name}");
+        assert!(photographs.text(name) == expected, "{name}");
     }
     // Read in full, and with the same frames.
-    published.0.ensure_are(&dataset);
+    photographs.ensure_are(&dataset);
 }

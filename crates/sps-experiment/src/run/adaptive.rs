@@ -81,9 +81,8 @@ fn outcome(
     (surfaces, ends): (&[usize], &[usize]),
     steps: &[Predictions],
 ) -> Result<Outcome> {
-    let held_out = judge.held_out(trial)?;
-    let (mut estimates, mut stops) = (Vec::new(), Vec::new());
-    let mut measured = held_out.surfaces.iter().peekable();
+    let (measured, mut outcome) = judge.held_out(trial)?;
+    let mut measured = measured.iter().peekable();
     for (place, (surface, &end)) in surfaces.iter().zip(ends).enumerate() {
         if measured.next_if_eq(&surface).is_none() {
             continue;
@@ -94,16 +93,13 @@ fn outcome(
             anyhow!("{property}: adaptive.calibration: {reason}")
         })?;
         let PredictionInterval { low, high } = intervals[place];
-        estimates.push(predicted.values[place]);
-        stops.push(Stop {
+        outcome.estimate.push(predicted.values[place]);
+        outcome.stops.push(Stop {
             views: end + 1,
             low,
             high,
             width: Some((high - low) / deviation),
         });
     }
-    Ok(Outcome {
-        stops,
-        ..judge.outcome(trial, held_out, estimates)
-    })
+    Ok(outcome)
 }

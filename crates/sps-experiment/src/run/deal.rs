@@ -18,7 +18,7 @@ use anyhow::Result;
 use super::by_encoder;
 use super::select::asks_together;
 use crate::config::Method;
-use crate::work::{Shard, Work};
+use crate::work::Work;
 
 /// Which methods, by their places, are done together.
 fn together(methods: &[Method]) -> Result<Vec<Vec<usize>>> {
@@ -45,14 +45,9 @@ impl Dealt {
 
     /// What a process does of an experiment.
     pub(super) fn to(work: Work, methods: &[Method], splits: usize) -> Result<Self> {
-        match work {
-            Work::Shard(shard) => Self::to_shard(shard, methods, splits),
-            _ => Ok(Self::all(methods.len(), 0..splits)),
-        }
-    }
-
-    /// What a shard does of an experiment.
-    pub(super) fn to_shard(shard: Shard, methods: &[Method], splits: usize) -> Result<Self> {
+        let Work::Shard(shard) = work else {
+            return Ok(Self::all(methods.len(), 0..splits));
+        };
         let mut dealt = Self(vec![BTreeSet::new(); methods.len()]);
         let together = together(methods)?;
         let items = together.iter();
@@ -107,6 +102,7 @@ mod tests {
 
     use super::*;
     use crate::config::Experiment;
+    use crate::work::Shard;
 
     /// The methods of a config of the project.
     fn methods(config: &str) -> Vec<Method> {
@@ -149,7 +145,7 @@ mod tests {
             for of in [1, 2, 7, 100] {
                 let mut counts = vec![[0; 3]; methods.len()];
                 for shard in Shard::all(of) {
-                    let dealt = Dealt::to_shard(shard, &methods, 3).unwrap();
+                    let dealt = Dealt::to(Work::Shard(shard), &methods, 3).unwrap();
                     for (at, counts) in counts.iter_mut().enumerate() {
                         for &split in dealt.splits_of(at) {
                             counts[split] += 1;

@@ -56,23 +56,19 @@ impl<'m> Encoded<'_, 'm> {
         dealt.any(|(_, method)| method.in_hindsight())
     }
 
-    /// The codes of the properties, and the rows of the methods.
-    pub(super) fn rows(
-        &self,
-        journals: &mut Journals,
-    ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
+    /// The rows of the methods.
+    pub(super) fn rows(&self, journals: &mut Journals) -> Result<Vec<MethodRow<'m>>> {
         let (groups, selections, trials) = self.fitted(journals)?;
         let rows = self.methods.iter().zip(trials);
         let rows = rows
             .map(|(method, trials)| MethodRow::of(method, trials, &journals.trials, &selections));
         let mut rows = rows.collect::<Result<Vec<_>>>()?;
-        let stage = &groups[0].stage;
-        costs::measure(self.source, self.splits, stage, &mut rows)?;
+        costs::measure(self.source, self.splits, &groups[0].stage, &mut rows)?;
         let seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
         for row in &mut rows {
             row.costs.encoder_train_seconds = seconds;
         }
-        Ok((stage.tables.codes(), rows))
+        Ok(rows)
     }
 
     fn select(&self, groups: &[Encodings], journal: &mut Journal<Found>) -> Result<Selections> {

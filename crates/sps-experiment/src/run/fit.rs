@@ -58,8 +58,8 @@ impl Observer for Recorder<'_> {
             let history = head.map_or(&[][..], TrainedHead::history);
             history.iter().map(|losses| losses.estimation).collect()
         };
-        self.record(heads, heads.diverged(), course);
-        if let Err(error) = self.keep_courses(heads) {
+        let recorded = self.record(heads, course);
+        if let Err(error) = recorded.and_then(|()| self.keep_courses(heads)) {
             self.state().failed.get_or_insert(error);
         }
     }
@@ -83,37 +83,25 @@ impl<'a> Recorder<'a> {
     fn record(
         &self,
         models: &dyn FittedRegressor,
-        diverged: &[DivergedTrial],
         course: impl Fn(&Trial) -> Vec<f64>,
-    ) {
-        let outcomes = self.outcomes(models, course).and_then(|mut outcomes| {
-            for one in diverged {
-                outcomes.push(self.failure(one)?);
-            }
-            Ok(outcomes)
-        });
-        let mut state = self.state();
-        let written = Result::and_then(outcomes, |mut outcomes: Vec<Outcome>| {
-            let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
-            for outcome in &mut outcomes {
-                outcome.train_seconds = seconds;
-            }
-            self.progress.advance(outcomes.len());
-            state.journal.append(outcomes)
-        });
-        state.since = Instant::now();
-        if let Err(error) = written {
-            state.failed.get_or_insert(error);
+    ) -> Result<()> {
+        let mut outcomes = self.outcomes(models, course)?;
+        for one in models.diverged() {
+            outcomes.push(self.failure(one)?);
         }
+        let mut state = self.state();
+        let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
+        for outcome in &mut outcomes {
+            outcome.train_seconds = seconds;
+        }
+        self.progress.advance(outcomes.len());
+        state.journal.append(outcomes)?;
+        state.since = Instant::now();
+        Ok(())
     }
 
     fn state(&self) -> MutexGuard<'_, State<'a>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn into_failure(self) -> Option<anyhow::Error> {
-        let state = self.state.into_inner();
-        state.unwrap_or_else(PoisonError::into_inner).failed
     }
 
     /// The outcome of each model: its estimates for the surfaces held out that were measured.
@@ -123,26 +111,26 @@ impl<'a> Recorder<'a> {
         models: &dyn FittedRegressor,
         course: impl Fn(&Trial) -> Vec<f64>,
     ) -> Result<Vec<Outcome>> {
-        let mut alike: BTreeMap<Looked<'_>, Vec<(&TrialSpec, HeldOut)>> = BTreeMap::new();
+        let mut alike: BTreeMap<Looked<'_>, Vec<(&TrialSpec, Outcome)>> = BTreeMap::new();
         for trained in models.trials() {
             let spec = self.spec(trained)?;
-            let held_out = self.judge.held_out(spec)?;
-            let key = (held_out.surfaces.clone(), spec.views.fillings.as_slice());
-            alike.entry(key).or_default().push((spec, held_out));
+            let (surfaces, outcome) = self.judge.held_out(spec)?;
+            let key = (surfaces, spec.views.fillings.as_slice());
+            alike.entry(key).or_default().push((spec, outcome));
         }
         let mut outcomes = Vec::new();
         for ((surfaces, fillings), specs) in alike {
             let some =
                 models.filtered(&|trained| specs.iter().any(|(spec, _)| is_of(spec, trained)));
             let mut estimates = self.estimates(some.as_ref(), fillings, &surfaces)?;
-            for (spec, held_out) in specs {
+            for (spec, outcome) in specs {
                 let trials = some.trials();
                 let place = trials.iter().position(|trained| is_of(spec, trained));
                 let place = place.context("no model")?;
-                let estimate = std::mem::take(&mut estimates[place]);
                 outcomes.push(Outcome {
+                    estimate: std::mem::take(&mut estimates[place]),
                     course: course(trials[place]),
-                    ..self.judge.outcome(spec, held_out, estimate)
+                    ..outcome
                 });
             }
         }
@@ -154,14 +142,12 @@ impl<'a> Recorder<'a> {
         let (judge, spec) = (&self.judge, self.spec(trial)?);
         let (label, property, rerun) = (&judge.method.label, &trial.property, trial.rerun);
         warn!("{label}, {property}, rerun {rerun}: {reason}");
-        let held_out = HeldOut {
+        let (_, outcome) = judge.held_out(spec)?;
+        Ok(Outcome {
             surfaces: Vec::new(),
             truth: Vec::new(),
-            ..judge.held_out(spec)?
-        };
-        Ok(Outcome {
             failed: Some(reason.clone()),
-            ..judge.outcome(spec, held_out, Vec::new())
+            ..outcome
         })
     }
 
@@ -210,13 +196,6 @@ pub(super) struct Judge<'a> {
     pub splits: &'a Splits,
 }
 
-pub(super) struct HeldOut {
-    training_mean: f64,
-    /// Those that were measured.
-    pub surfaces: Vec<usize>,
-    truth: Vec<f64>,
-}
-
 impl<'a> Judge<'a> {
     /// Runs those of the trials that the journal lacks.
     pub(super) fn run_missing(
@@ -226,10 +205,8 @@ impl<'a> Judge<'a> {
     ) -> Result<()> {
         let (experiment, method) = (self.experiment, self.method);
         let mut keys = HashSet::new();
-        let missing: Vec<&TrialSpec> = trials
-            .iter()
-            .filter(|trial| journal.get(&trial.key).is_none() && keys.insert(&trial.key))
-            .collect();
+        let mut missing: Vec<&TrialSpec> = trials.iter().collect();
+        missing.retain(|trial| journal.get(&trial.key).is_none() && keys.insert(&trial.key));
         let Some(first) = missing.first() else {
             return Ok(());
         };
@@ -245,7 +222,8 @@ impl<'a> Judge<'a> {
             let outcomes = adaptive::outcomes(&self, adaptive, &missing);
             return journal.append(outcomes.with_context(named)?);
         }
-        let plan = plan(experiment.seed, &self.splits.all, missing.iter().copied());
+        let trials = missing.iter().map(|trial| trial.trial());
+        let plan = plan(experiment.seed, &self.splits.all, trials);
         let recorder = Recorder {
             judge: self,
             trials: &missing,
@@ -263,10 +241,10 @@ impl<'a> Judge<'a> {
         if let Ok(fitted) = &fitted
             && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
         {
-            recorder.record(fitted.as_ref(), fitted.diverged(), |_| Vec::new());
+            recorder.record(fitted.as_ref(), |_| Vec::new())?;
         }
         // A training that was stopped says less than what stopped it.
-        recorder.into_failure().map_or(Ok(()), Err)?;
+        recorder.state().failed.take().map_or(Ok(()), Err)?;
         ensure_wanted()?;
         fitted.with_context(named)?;
         Ok(())
@@ -276,39 +254,26 @@ impl<'a> Judge<'a> {
         &self.encodings.stage.tables
     }
 
-    pub(super) fn held_out(&self, trial: &TrialSpec) -> Result<HeldOut> {
-        let split = &self.splits.all[trial.rerun];
-        let training = self.tables().measured(&trial.property, &split.train);
+    /// The surfaces held out that were measured, and the outcome of the trial but for its estimates.
+    pub(super) fn held_out(&self, trial: &TrialSpec) -> Result<(Vec<usize>, Outcome)> {
+        let (tables, split) = (self.tables(), &self.splits.all[trial.rerun]);
+        let training = tables.measured(&trial.property, &split.train);
         let training: Vec<f64> = training.into_iter().map(|(_, value)| value).collect();
         let scored_on = self.method.scored_on(&split.validation);
-        let measured = self.tables().measured(&trial.property, scored_on);
-        let (surfaces, truth) = measured.into_iter().unzip();
-        Ok(HeldOut {
-            training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
-            surfaces,
-            truth,
-        })
-    }
-
-    pub(super) fn outcome(
-        &self,
-        trial: &TrialSpec,
-        held_out: HeldOut,
-        estimate: Vec<f64>,
-    ) -> Outcome {
-        let tables = self.tables();
-        let names = held_out.surfaces.iter();
-        Outcome {
+        let measured = tables.measured(&trial.property, scored_on);
+        let (surfaces, truth): (Vec<usize>, Vec<f64>) = measured.into_iter().unzip();
+        let names = surfaces.iter();
+        let outcome = Outcome {
             key: trial.key.clone(),
             method: self.method.id.clone(),
             property: trial.property.to_string(),
             rerun: trial.rerun,
-            training_mean: held_out.training_mean,
+            training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
             surfaces: names.map(|&s| tables.surfaces[s].id.clone()).collect(),
-            truth: held_out.truth,
-            estimate,
+            truth,
             views: tables.shown(&trial.views.shown()),
             ..Outcome::default()
-        }
+        };
+        Ok((surfaces, outcome))
     }
 }

@@ -17,25 +17,21 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
         Estimator::LabelMean => true,
         Estimator::Given(given) => {
             let given = given.estimates()?;
-            let outcomes = trials
-                .iter()
-                .map(|trial| estimates::outcome(judge, trial, given));
-            return outcomes.collect::<Result<_>>().map(Some);
+            let outcome = |trial: &&TrialSpec| estimates::outcome(judge, trial, given);
+            return trials.iter().map(outcome).collect::<Result<_>>().map(Some);
         }
         Estimator::Fitted(_) => return Ok(None),
     };
     let outcome = |trial: &&TrialSpec| {
-        let held_out = judge.held_out(trial)?;
+        let (surfaces, outcome) = judge.held_out(trial)?;
         let tables = judge.tables();
         let material = |surface: usize| tables.surfaces[surface].material.as_str();
         let training = &judge.splits.all[trial.rerun].train;
         let (mut all, mut of_material) = (Vec::new(), HashMap::<_, Vec<f64>>::new());
         for (surface, value) in tables.measured(&trial.property, training) {
             all.push(value);
-            of_material
-                .entry(material(surface))
-                .or_default()
-                .push(value);
+            let alike = of_material.entry(material(surface)).or_default();
+            alike.push(value);
         }
         let all = mean(&all);
         let estimate = |&surface: &usize| match of_material.get(material(surface)) {
@@ -43,8 +39,10 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
             // That of all where no training surface is of the material.
             _ => all,
         };
-        let estimates = held_out.surfaces.iter().map(estimate).collect();
-        Ok(judge.outcome(trial, held_out, estimates))
+        Ok(Outcome {
+            estimate: surfaces.iter().map(estimate).collect(),
+            ..outcome
+        })
     };
     trials.iter().map(outcome).collect::<Result<_>>().map(Some)
 }

@@ -8,9 +8,10 @@ use anyhow::{Context, Result};
 use sps_dataset::{Property, Split};
 use sps_estimator::early_stopped;
 use sps_models::heads::{FusionLoss, Head, Observer, TrainedHeads};
-use sps_regress::{Plan, Rerun, TrainingData, Trial, Views};
+use sps_regress::{TrainingData, Trial, Views};
 use sps_viewselect::{LossError, SetLoss, Sets};
 
+use super::trials::plan;
 use super::{Encodings, Splits, Tables};
 use crate::config::Experiment;
 use crate::progress::Progress;
@@ -28,27 +29,15 @@ impl Folds<'_> {
         head: &Head,
         wanted: impl Iterator<Item = (&'a Property, usize)>,
     ) -> Result<TrainedHeads> {
-        let folds = 0..self.experiment.selection_folds;
         let of_wanted = |(property, rerun)| {
-            let of_fold = move |fold| self.trial(property, rerun, fold);
-            folds.clone().map(of_fold)
+            let folds = 0..self.experiment.selection_folds;
+            folds.map(move |fold| self.trial(property, rerun, fold))
         };
         let trials: Vec<Trial> = wanted.flat_map(of_wanted).collect();
-        let of_rerun = |rerun| folds.clone().map(move |fold| (rerun, fold));
-        let numbered = (0..self.splits.all.len()).flat_map(of_rerun);
-        let reruns = numbered.map(|(rerun, fold)| {
-            Ok(Rerun {
-                number: self.number(rerun, fold),
-                training: self.part(rerun, fold)?.train,
-                validation: Vec::new(),
-            })
-        });
         let observer = TrainingProgress(Progress::new("estimators for random views", trials.len()));
-        let plan = Plan {
-            seed: self.experiment.seed,
-            reruns: reruns.collect::<Result<_>>()?,
-            trials,
-        };
+        let parts = (0..self.splits.all.len()).map(|rerun| self.parts(rerun));
+        let parts = parts.collect::<Result<Vec<_>>>()?.concat();
+        let plan = plan(self.experiment.seed, &parts, trials.into_iter());
         let plan = early_stopped(head, &self.splits.units, plan).context("head.early-stopping")?;
         Ok(head.train(&self.training_data(), &plan, &observer)?)
     }
@@ -62,8 +51,8 @@ impl Folds<'_> {
     ) -> Result<FrozenLoss> {
         let (tables, data) = (self.tables(), self.training_data());
         let mut folds = Vec::new();
-        for fold in 0..self.experiment.selection_folds {
-            let held = self.part(rerun, fold)?.validation;
+        for (fold, part) in self.parts(rerun)?.into_iter().enumerate() {
+            let held = part.validation;
             // A part without a reading says nothing.
             if !tables.measured(property, &held).is_empty() {
                 let trial = self.trial(property, rerun, fold);
@@ -84,21 +73,16 @@ impl Folds<'_> {
     fn trial(&self, property: &Property, rerun: usize, fold: usize) -> Trial {
         Trial {
             property: property.to_string(),
-            rerun: self.number(rerun, fold),
+            rerun: (rerun * self.experiment.selection_folds + fold) as u64,
             views: Views::Random,
         }
     }
 
-    fn number(&self, rerun: usize, fold: usize) -> u64 {
-        (rerun * self.experiment.selection_folds + fold) as u64
-    }
-
-    /// The training surfaces of a rerun that a fold's estimator is trained on, and those that its
+    /// The training surfaces of a rerun that each fold's estimator is trained on, and those that its
     /// loss is measured on. Units stay whole.
-    fn part(&self, rerun: usize, fold: usize) -> Result<Split> {
+    fn parts(&self, rerun: usize) -> Result<Vec<Split>> {
         let (folds, seed) = (self.experiment.selection_folds, self.experiment.seed);
-        let parts = self.splits.to_select(rerun, folds, seed)?;
-        parts.into_iter().nth(fold).context("no such fold")
+        self.splits.to_select(rerun, folds, seed)
     }
 }
 

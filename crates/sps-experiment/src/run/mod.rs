@@ -18,7 +18,6 @@ mod provenance;
 mod refit;
 mod results;
 mod select;
-mod selection;
 mod shards;
 mod splits;
 mod stage;
@@ -51,7 +50,7 @@ use crate::predictions;
 use crate::results::Results;
 use found::Found;
 use prepared::Prepared;
-use results::{MethodRow, results};
+use results::results;
 use shards::Merged;
 
 /// Runs the experiment into `folder`, or finishes what was begun there, in shards or not; `fresh`
@@ -104,20 +103,13 @@ fn finish(
         }
         None => shards::give(folder.path(), &mut journals)?,
     }
-    let dealt = prepared.dealt()?;
-    let done = prepared.with_encoders(&dealt, |encoded| encoded.rows(&mut journals))?;
-    let (mut rows, mut properties) = (Vec::new(), Vec::new());
-    for (members, (codes, of_encoder)) in done {
-        rows.extend(members.into_iter().zip(of_encoder));
-        properties = codes;
-    }
-    rows.sort_by_key(|(at, _)| *at);
-    let rows: Vec<MethodRow<'_>> = rows.into_iter().map(|(_, row)| row).collect();
+    let dealt = prepared.dealt(experiment.work)?;
+    let rows = prepared.with_encoders(&dealt, |encoded| encoded.rows(&mut journals))?;
     let splits = &prepared.splits;
     let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
     let estimates = predictions::of_outcomes(all, &splits.groups(source.surfaces()));
     predictions::write(folder.path(), &estimates)?;
-    let results = results(experiment, source, &about, properties, splits, &rows)?;
+    let results = results(experiment, source, &about, splits, &rows)?;
     results.write(folder.path())?;
     folder.seal(Vec::new())?;
     Ok((folder, results))
@@ -161,10 +153,8 @@ impl Journals {
 fn by_encoder(methods: &[Method]) -> Vec<(&EncoderSpec, Vec<usize>)> {
     let mut encoders: Vec<(&EncoderSpec, Vec<usize>)> = Vec::new();
     for (at, method) in methods.iter().enumerate() {
-        match encoders
-            .iter_mut()
-            .find(|(spec, _)| **spec == method.encoder)
-        {
+        let mut known = encoders.iter_mut();
+        match known.find(|(spec, _)| **spec == method.encoder) {
             Some((_, members)) => members.push(at),
             None => encoders.push((&method.encoder, vec![at])),
         }

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use anyhow::{Error, Result};
 
-use super::deal::Dealt;
 use super::encoded::Encoded;
 use super::found::Selections;
 use super::frozen::Folds;
@@ -17,7 +16,7 @@ use crate::config::{Experiment, Looks};
 use crate::data;
 use crate::encoder;
 use crate::text::{aligned, counted};
-use crate::work::{Shard, Undone};
+use crate::work::{Shard, Undone, Work};
 
 /// What is done and missing of an experiment whose folder is `folder`, or of one shard of it, as lines
 /// for the terminal.
@@ -27,38 +26,23 @@ use crate::work::{Shard, Undone};
 pub fn outlook(experiment: &Experiment, folder: &Path, shard: Option<Shard>) -> Result<String> {
     let (source, about) = data::open(&experiment.data)?;
     let prepared = Prepared::new(experiment, source.as_ref(), &about)?;
-    let splits = prepared.splits.all.len();
-    let dealt = match shard {
-        Some(shard) => Dealt::to_shard(shard, &prepared.methods, splits)?,
-        None => prepared.dealt()?,
-    };
+    let dealt = prepared.dealt(shard.map_or(experiment.work, Work::Shard))?;
     let mut journals = Journals::look(folder)?;
     for of_shard in shards::folders(folder)? {
         journals.know(Journals::look(&of_shard.path)?);
     }
-    let properties = tables::properties(source.as_ref(), &experiment.properties)?.len();
-    let mut looking = Looking(journals, properties);
-    let seen = prepared.with_encoders(&dealt, |encoded| looking.seen(encoded))?;
-    let mut methods: Vec<(usize, Counts)> = Vec::new();
-    let mut encoders = Vec::new();
-    for (places, seen) in seen {
-        methods.extend(places.into_iter().zip(seen.methods));
-        if seen.frames > 0 {
-            let frames = counted(seen.frames, "frame");
-            encoders.push(format!("  {}: {frames} to encode\n", seen.encoder));
-        }
-        if seen.untrained > 0 {
-            let splits = counted(seen.untrained, "split");
-            encoders.push(format!("  {}: to be trained on {splits}\n", seen.encoder));
-        }
-    }
-    methods.sort_unstable();
+    let mut looking = Looking {
+        journals,
+        properties: tables::properties(source.as_ref(), &experiment.properties)?.len(),
+        encoders: Vec::new(),
+    };
+    let methods = prepared.with_encoders(&dealt, |encoded| looking.seen(encoded))?;
     let head = ["method", "done", "missing", "views selected", "missing"].map(str::to_owned);
-    let lines = methods.iter().map(|(at, counts)| {
+    let lines = methods.iter().map(|(id, counts)| {
         let selects = counts[2..] != [0, 0];
         let counts = counts.iter().take(if selects { 4 } else { 2 });
-        let id = iter::once(prepared.methods[*at].id.clone());
-        id.chain(counts.map(ToString::to_string)).collect()
+        let counts = counts.map(ToString::to_string);
+        iter::once(id.clone()).chain(counts).collect()
     });
     let lines: Vec<Vec<String>> = iter::once(head.to_vec()).chain(lines).collect();
     let is_whole = methods.iter().all(|(_, counts)| counts[1] == 0);
@@ -68,7 +52,7 @@ pub fn outlook(experiment: &Experiment, folder: &Path, shard: Option<Shard>) -> 
         folder.display(),
         shard.map_or(String::new(), |shard| format!(", shard {shard}")),
         aligned(&lines, |at| at == 0),
-        encoders.concat(),
+        looking.encoders.concat(),
         if is_whole { "nothing is missing\n" } else { "" },
     ))
 }
@@ -79,7 +63,6 @@ type Counts = [usize; 4];
 /// What is done and missing of the methods of an encoder.
 struct Seen {
     methods: Vec<Counts>,
-    encoder: String,
     frames: usize,
     /// Splits on which the encoder is not trained.
     untrained: usize,
@@ -103,25 +86,48 @@ fn told<T>(step: Result<T>) -> Result<Result<T, Undone>> {
         .or_else(|error: Error| error.downcast::<Undone>().map(Err))
 }
 
-/// Goes the way of a run as far as the journals and the cache allow, with so many properties.
-struct Looking(Journals, usize);
+/// Goes the way of a run as far as the journals and the cache allow.
+struct Looking {
+    journals: Journals,
+    /// How many are estimated.
+    properties: usize,
+    /// A line for each thing that encoders have yet to do.
+    encoders: Vec<String>,
+}
 
 impl Looking {
-    fn seen(&mut self, encoded: &Encoded<'_, '_>) -> Result<Seen> {
+    /// The methods of an encoder, by their ids.
+    fn seen(&mut self, encoded: &Encoded<'_, '_>) -> Result<Vec<(String, Counts)>> {
         let methods = encoded.methods.iter().enumerate().map(|(at, method)| {
-            let all = self.1 * encoded.dealt.splits_of(at).len();
+            let all = self.properties * encoded.dealt.splits_of(at).len();
             let selects = matches!(method.looks, Looks::Selected(_));
             [0, all, 0, if selects { all } else { 0 }]
         });
         let mut seen = Seen {
             methods: methods.collect(),
-            encoder: encoder::describe(encoded.encoder),
             frames: 0,
             untrained: 0,
         };
+        self.look(encoded, &mut seen)?;
+        let encoder = encoder::describe(encoded.encoder);
+        if seen.frames > 0 {
+            let frames = counted(seen.frames, "frame");
+            self.encoders
+                .push(format!("  {encoder}: {frames} to encode\n"));
+        }
+        if seen.untrained > 0 {
+            let splits = counted(seen.untrained, "split");
+            let line = format!("  {encoder}: to be trained on {splits}\n");
+            self.encoders.push(line);
+        }
+        let ids = encoded.methods.iter().map(|method| method.id.clone());
+        Ok(ids.zip(seen.methods).collect())
+    }
+
+    fn look(&self, encoded: &Encoded<'_, '_>, seen: &mut Seen) -> Result<()> {
         let splits = encoded.dealt.of_any();
         let Some(stages) = seen.there(Stages::new(encoded), 0)? else {
-            return Ok(seen);
+            return Ok(());
         };
         let groups: Vec<BTreeSet<usize>> = if encoded.encoder.learns() {
             splits.into_iter().map(|split| [split].into()).collect()
@@ -132,15 +138,15 @@ impl Looking {
             let all = &encoded.splits.all;
             let group = stages.of_splits(all, &splits);
             if let Some(mut group) = seen.there(group, splits.len())? {
-                self.count(encoded, &mut group[0], &mut seen)?;
+                self.count(encoded, &mut group[0], seen)?;
             }
         }
-        Ok(seen)
+        Ok(())
     }
 
     /// Counts what is done of splits that share their embeddings.
     fn count(
-        &mut self,
+        &self,
         encoded: &Encoded<'_, '_>,
         group: &mut Encodings,
         seen: &mut Seen,
@@ -160,12 +166,12 @@ impl Looking {
             encodings,
             splits,
         };
-        let journal = &self.0.selections;
+        let journal = &self.journals.selections;
         let lacking = folds.look(&encoded.methods, &dealt, journal, &mut selections)?;
         for (at, [.., selected, missing]) in seen.methods.iter_mut().enumerate() {
             let lacking = lacking.iter().filter(|one| one.0 == at).count();
             if *missing > 0 {
-                let done = self.1 * dealt.splits_of(at).len() - lacking;
+                let done = self.properties * dealt.splits_of(at).len() - lacking;
                 (*selected, *missing) = (*selected + done, *missing - done);
             }
         }
@@ -185,7 +191,7 @@ impl Looking {
             let own = splits.of_method(method, experiment.seed)?;
             let keyed = encoded.judge(method, group, &own).keyed(planned)?;
             let done = keyed.iter();
-            let done = done.filter(|one| self.0.trials.get(&one.key).is_some());
+            let done = done.filter(|one| self.journals.trials.get(&one.key).is_some());
             let ([trials, missing, ..], done) = (&mut seen.methods[at], done.count());
             (*trials, *missing) = (*trials + done, *missing - done);
         }

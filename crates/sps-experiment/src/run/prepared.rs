@@ -9,6 +9,7 @@ use super::{Splits, by_encoder, estimates, views};
 use crate::config::{Experiment, Method, Network};
 use crate::data::About;
 use crate::sequences::Sequences;
+use crate::work::Work;
 
 /// An experiment with all that is known of its data before any of it is looked at.
 pub(super) struct Prepared<'a> {
@@ -39,19 +40,18 @@ impl<'a> Prepared<'a> {
         })
     }
 
-    /// What is dealt to a process that does what `experiment.work` says.
-    pub(super) fn dealt(&self) -> Result<Dealt> {
-        let splits = self.splits.all.len();
-        Dealt::to(self.experiment.work, &self.methods, splits)
+    /// What is dealt to a process that does this work.
+    pub(super) fn dealt(&self, work: Work) -> Result<Dealt> {
+        Dealt::to(work, &self.methods, self.splits.all.len())
     }
 
-    /// Does `work` with each encoder of which anything is dealt; the places of its methods with what
-    /// came of it.
+    /// Does `work` with each encoder of which anything is dealt; what came of each of its methods, in the
+    /// order of all methods.
     pub(super) fn with_encoders<'m, T>(
         &'m self,
         dealt: &Dealt,
-        mut work: impl FnMut(&Encoded<'_, 'm>) -> Result<T>,
-    ) -> Result<Vec<(Vec<usize>, T)>> {
+        mut work: impl FnMut(&Encoded<'_, 'm>) -> Result<Vec<T>>,
+    ) -> Result<Vec<T>> {
         let mut done = Vec::new();
         for (encoder, members) in by_encoder(&self.methods) {
             let sequences;
@@ -73,8 +73,9 @@ impl<'a> Prepared<'a> {
                 sequences = Sequences::new(self.source, views.clone());
                 (encoded.source, encoded.sequence) = (&sequences, Some(views));
             }
-            done.push((members, work(&encoded)?));
+            done.extend(members.into_iter().zip(work(&encoded)?));
         }
-        Ok(done)
+        done.sort_by_key(|(place, _)| *place);
+        Ok(done.into_iter().map(|(_, of_method)| of_method).collect())
     }
 }

@@ -7,10 +7,11 @@ use anyhow::{Context, Result, bail};
 use sps_dataset::{Property, Split, Units};
 use sps_metrics::{Samples, TrainingMean};
 use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
-use sps_regress::{FittedRegressor, Plan, Rerun, Trial, Views};
+use sps_regress::{FittedRegressor, Trial, Views};
 use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
 
 use super::found::Found;
+use super::trials::plan;
 use super::views::seed;
 use super::{Encodings, Splits};
 use crate::config::{JudgedOn, Refit, Selected};
@@ -134,10 +135,8 @@ impl<'a> Refits<'a> {
     /// other; units stay whole.
     fn best_amount(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<f64> {
         let halves = self.splits.to_select(rerun, 2, self.seed)?;
-        let halves = halves
-            .iter()
-            .map(|half| self.left_out(selected, refit, &half.validation));
-        let halves = halves.collect::<Result<Vec<_>>>()?;
+        let loss = |half: &Split| self.left_out(selected, refit, &half.validation);
+        let halves = halves.iter().map(loss).collect::<Result<Vec<_>>>()?;
         let [one, other] = halves.as_slice() else {
             bail!("two halves are needed");
         };
@@ -224,15 +223,7 @@ fn in_hindsight(
         rerun: 0,
         views: Views::Fixed(set.to_vec()),
     });
-    let plan = Plan {
-        seed: 0,
-        reruns: vec![Rerun {
-            number: 0,
-            training: split.train.clone(),
-            validation: Vec::new(),
-        }],
-        trials: trials.collect(),
-    };
+    let plan = plan(0, std::slice::from_ref(split), trials);
     let fitted = ridge.train(&tables.training_data(units), &plan)?;
     let held_out = &split.validation;
     let estimates = fitted.predict(&encodings.select(held_out, set)?)?;
@@ -241,8 +232,7 @@ fn in_hindsight(
         let training: Vec<f64> = split.train.iter().filter_map(reading).collect();
         let estimated = held_out.iter().zip(&estimates.values);
         let read = estimated.filter_map(|(surface, estimate)| Some((reading(surface)?, *estimate)));
-        let (truth, estimate): (Vec<f64>, Vec<f64>) = read.unzip();
-        let (truth, estimate) = (&truth[..], &estimate[..]);
+        let (truth, estimate): &(Vec<f64>, Vec<f64>) = &read.unzip();
         let r2 = Samples { truth, estimate }.r2(TrainingMean::of(&training)?);
         // Readings that do not differ from the mean say nothing of the set.
         Ok(r2.map_or(0.0, |r2| 1.0 - r2.value))

@@ -7,9 +7,10 @@ use sps_metrics::{Intervals, Moments};
 use sps_simulate::Ceiling;
 use tracing::info;
 
-use super::found::{Found, Selections};
+use super::found::{self, Found, Selections};
+use super::tables::{self, codes};
 use super::trials::TrialSpec;
-use super::{Splits, by_encoder, provenance, selection, what_is_measured};
+use super::{Splits, by_encoder, provenance, what_is_measured};
 use crate::config::{Experiment, Looks, Method};
 use crate::data::About;
 use crate::encoder;
@@ -89,7 +90,7 @@ impl<'m> MethodRow<'m> {
             training_surfaces: trained_on,
             notes: method.estimator.thinned(trained_on).into_iter().collect(),
             costs: self.costs,
-            selections: selection::summaries(self, rows, source.view_angles()),
+            selections: found::summaries(self, rows, source.view_angles()),
             ..MethodResult::default()
         };
         Ok(MethodOutcomes {
@@ -110,15 +111,15 @@ impl<'m> MethodRow<'m> {
     }
 }
 
-/// Scores the rows; `properties` are the codes of those estimated, in the order of the reports.
+/// Scores the rows.
 pub(super) fn results(
     experiment: &Experiment,
     source: &dyn Source,
     about: &About,
-    properties: Vec<String>,
     splits: &Splits,
     rows: &[MethodRow<'_>],
 ) -> Result<Results> {
+    let properties = codes(&tables::properties(source, &experiment.properties)?);
     let units = source.surfaces().iter().zip(splits.units.of_surface());
     let units = units.map(|(surface, &unit)| (surface.id.clone(), unit));
     let units = units.collect();
@@ -157,9 +158,8 @@ pub(super) fn results(
     let outcomes = rows.iter();
     let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits));
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes.collect::<Result<_>>()?;
-    let methods = outcomes.par_iter();
-    let methods = methods.map(|method| score(method, &outcomes, &experiment.against, &scoring));
-    let methods: Vec<MethodResult> = methods.collect();
+    let scored = |method| score(method, &outcomes, &experiment.against, &scoring);
+    let methods: Vec<MethodResult> = outcomes.par_iter().map(scored).collect();
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     Ok(Results {
         provenance: provenance::of(experiment, source, about)?,

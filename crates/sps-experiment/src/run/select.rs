@@ -16,7 +16,7 @@ use super::found::{Found, Selections};
 use super::frozen::{Folds, FrozenLoss};
 use super::refit::Refits;
 use super::views::{seed, without_loss};
-use crate::config::{JudgedOn, Method, Refit, Selected};
+use crate::config::{JudgedOn, Method, Selected};
 use crate::journal::{Journal, TrialKey};
 use crate::progress::{Progress, ensure_wanted};
 
@@ -95,7 +95,16 @@ impl Folds<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<TrialKey> {
-        let (tables, refit) = (self.tables(), selected.refit.as_ref());
+        let (tables, split) = (self.tables(), &self.splits.all[rerun]);
+        let held_out = || {
+            let places: Vec<usize> = (0..tables.views.len()).collect();
+            let hash = self.encodings.fingerprint(&places, &split.validation);
+            hash.to_hex().to_string()
+        };
+        let refit = selected.refit.as_ref().map(|refit| RefitInputs {
+            properties: tables.codes(),
+            held_out: (refit.judged_on == JudgedOn::HeldOut).then(held_out),
+        });
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
             data: tables.fingerprint().to_hex().to_string(),
@@ -104,27 +113,11 @@ impl Folds<'_> {
             folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
-            refit: refit.map(|refit| self.refit_inputs(refit, rerun)),
+            refit,
             property: property.code(),
             rerun,
-            training: &self.splits.all[rerun].train,
+            training: &split.train,
         })
-    }
-
-    /// What a choice by refits depends on beside the training surfaces and the property's own
-    /// readings: the properties that it is pooled over, and what hindsight looks at.
-    fn refit_inputs(&self, refit: &Refit, rerun: usize) -> RefitInputs {
-        let tables = self.tables();
-        let held_out = || {
-            let places: Vec<usize> = (0..tables.views.len()).collect();
-            let surfaces = &self.splits.all[rerun].validation;
-            let hash = self.encodings.fingerprint(&places, surfaces);
-            hash.to_hex().to_string()
-        };
-        RefitInputs {
-            properties: tables.codes(),
-            held_out: (refit.judged_on == JudgedOn::HeldOut).then(held_out),
-        }
     }
 
     fn run_missing(
@@ -133,9 +126,8 @@ impl Folds<'_> {
         wanted: &[Wanted<'_>],
         journal: &mut Journal<Found>,
     ) -> Result<()> {
-        let missing = wanted.iter();
-        let missing = missing.filter(|wanted| journal.get(&wanted.key).is_none());
-        let missing: Vec<&Wanted<'_>> = missing.collect();
+        let is_missing = |wanted: &&Wanted<'_>| journal.get(&wanted.key).is_none();
+        let missing: Vec<&Wanted<'_>> = wanted.iter().filter(is_missing).collect();
         if let Some(one) = missing.first() {
             let (id, property, rerun) = (&one.method.id, &one.property, one.rerun);
             let what = format!("the views of method `{id}`, {property}, rerun {rerun}");
@@ -202,6 +194,7 @@ impl Folds<'_> {
 }
 
 /// Methods that share an estimator to search.
+#[derive(Default)]
 struct Family<'m> {
     /// The estimator, where any of the methods searches it.
     frozen: Option<&'m Head>,
@@ -244,10 +237,7 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
         };
         let head = method.estimator.head();
         let name = serde_json::to_string(&head.map(Head::config))?;
-        let family = families.entry(name).or_insert(Family {
-            frozen: None,
-            members: Vec::new(),
-        });
+        let family = families.entry(name).or_default();
         if selected.selector.learns() && selected.refit.is_none() {
             family.frozen = head;
         }
@@ -292,6 +282,8 @@ struct Inputs<'a> {
     training: &'a [usize],
 }
 
+/// What a choice by refits depends on beside the training surfaces and the property's own readings: the
+/// properties that it is pooled over, and what hindsight looks at.
 #[derive(Serialize)]
 struct RefitInputs {
     properties: Vec<String>,

@@ -67,9 +67,8 @@ impl Splits {
             );
             if wanted < count {
                 let share = wanted as f64 / count as f64;
-                let drawn = self
-                    .units
-                    .keep_aside(&split.train, share, seed, "fewer", index as u64);
+                let (units, number) = (&self.units, index as u64);
+                let drawn = units.keep_aside(&split.train, share, seed, "fewer", number);
                 split.train = drawn.context("training-surfaces")?.validation;
             }
         }
@@ -80,10 +79,8 @@ impl Splits {
     /// where it is a unit of its own.
     pub(crate) fn groups<'s>(&self, surfaces: &'s [Surface]) -> HashMap<&'s str, &'s str> {
         let unit = self.units.unit();
-        let named = surfaces.iter();
-        named
-            .filter_map(|s| Some((s.id.as_str(), unit.of(s)?)))
-            .collect()
+        let named = |surface: &'s Surface| Some((surface.id.as_str(), unit.of(surface)?));
+        surfaces.iter().filter_map(named).collect()
     }
 
     /// One split of the same surfaces.
@@ -142,9 +139,8 @@ impl Splits {
                 validation: all.clone(),
             }]);
         }
-        let parts = self
-            .units
-            .folds(all, folds, seed, "selection", split as u64);
+        let (units, number) = (&self.units, split as u64);
+        let parts = units.folds(all, folds, seed, "selection", number);
         parts.context("selection.folds")
     }
 
@@ -256,10 +252,8 @@ mod tests {
                 let name = path.strip_prefix(&root).unwrap().to_string_lossy();
                 let text = fs::read_to_string(&path).unwrap();
                 let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
-                for line in code
-                    .lines()
-                    .filter(|line| !line.trim_start().starts_with("//"))
-                {
+                let is_code = |line: &&str| !line.trim_start().starts_with("//");
+                for line in code.lines().filter(is_code) {
                     for (word, files) in PARTING {
                         let allowed = !line.contains(word) || files.contains(&name.as_ref());
                         assert!(allowed, "{name}: {line}");

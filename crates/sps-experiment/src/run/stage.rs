@@ -1,7 +1,6 @@
 //! What methods are fitted on: an encoder, and the tables that it makes of a source.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -70,21 +69,18 @@ impl<'a> Stages<'a> {
         splits: &[Split],
         some: &BTreeSet<usize>,
     ) -> Result<Vec<Encodings>> {
-        let of = |some: Range<usize>| {
-            let stage = self.of(&splits[some.start].train)?;
-            Ok(Encodings::new(stage, some))
-        };
-        if !self.of.encoder.learns() {
-            return Ok(vec![of(0..splits.len())?]);
+        if let Some(shared) = &self.shared {
+            return Ok(vec![Encodings::new(Arc::clone(shared), 0..splits.len())]);
         }
-        some.iter().map(|&split| of(split..split + 1)).collect()
+        let of = |&split: &usize| {
+            let stage = self.of(&splits[split].train)?;
+            Ok(Encodings::new(Arc::new(stage), split..split + 1))
+        };
+        some.iter().map(of).collect()
     }
 
     /// What methods are fitted on whose training surfaces are `training`.
-    fn of(&self, training: &[usize]) -> Result<Arc<Stage>> {
-        if let Some(shared) = &self.shared {
-            return Ok(Arc::clone(shared));
-        }
+    fn of(&self, training: &[usize]) -> Result<Stage> {
         let (mut encoder, seconds) = match &self.of.encoder.training {
             Some(config) => self.trained(config, training)?,
             None => (self.start.clone(), 0.0),
@@ -92,7 +88,7 @@ impl<'a> Stages<'a> {
         if self.of.encoder.precision == Precision::Int8 {
             encoder = self.calibrated(encoder, training)?;
         }
-        Ok(Arc::new(self.stage(encoder, seconds)?))
+        self.stage(encoder, seconds)
     }
 
     /// The encoder in int8, scaled for the surfaces `training`, each seen from one of the views in turn.

@@ -232,6 +232,6 @@ pub(crate) fn readings(source: &dyn Source, about: &About, surfaces: usize) -> R
     Ok(Readings::new(codes(averages.properties()), &rows)?)
 }
 
-fn codes(properties: &[Property]) -> Vec<String> {
+pub(super) fn codes(properties: &[Property]) -> Vec<String> {
     properties.iter().map(Property::to_string).collect()
 }

@@ -90,22 +90,21 @@ impl Judge<'_> {
     }
 }
 
-/// The plan to train `trials`.
-pub(crate) fn plan<'a>(
-    seed: u64,
-    splits: &[Split],
-    trials: impl Iterator<Item = &'a TrialSpec>,
-) -> Plan {
-    let reruns = splits.iter().enumerate().map(|(number, split)| Rerun {
-        number: number as u64,
-        training: split.train.clone(),
-        validation: Vec::new(),
-    });
-    let trials = trials.map(|trial| Trial {
-        property: trial.property.to_string(),
-        rerun: trial.rerun as u64,
-        views: trial.views.training.clone(),
-    });
+impl TrialSpec {
+    /// As it is trained.
+    pub(super) fn trial(&self) -> Trial {
+        Trial {
+            property: self.property.to_string(),
+            rerun: self.rerun as u64,
+            views: self.views.training.clone(),
+        }
+    }
+}
+
+/// The plan to train `trials` of reruns that have these splits in turn.
+pub(super) fn plan(seed: u64, splits: &[Split], trials: impl Iterator<Item = Trial>) -> Plan {
+    let numbered = (0..).zip(splits);
+    let reruns = numbered.map(|(number, split)| Rerun::new(number, split.train.iter().copied()));
     Plan {
         seed,
         reruns: reruns.collect(),

@@ -99,9 +99,8 @@ pub(crate) fn of_trial(
         Looks::Nadir => Ok(TrialViews::fixed(vec![tables.place(tables.nadir)?])),
         Looks::All => Ok(TrialViews::fixed((0..tables.views.len()).collect())),
         Looks::Selected(selected) => {
-            let found = selections
-                .get(&method.id, property, rerun)
-                .context("views that were not selected")?;
+            let found = selections.get(&method.id, property, rerun);
+            let found = found.context("views that were not selected")?;
             let mut picks = found.selection.picks.clone();
             if method.adaptive.is_some() {
                 picks = in_order(&selected.selector, picks);

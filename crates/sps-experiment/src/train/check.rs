@@ -9,7 +9,7 @@ use sps_estimator::{Fitted, Measured, Predictions};
 use super::Say;
 use super::scored::{HeldOuts, OfSplit, heading, line, mean_share};
 use crate::config::Adaptive;
-use crate::text::aligned;
+use crate::text::{aligned, counted};
 
 /// Photographs are counted as unlike what a model was fitted on below this p-value.
 const UNFAMILIAR: f64 = 0.05;
@@ -26,7 +26,10 @@ pub(super) struct Check {
     unit: Unit,
     /// Set where views are looked at one by one.
     adaptive: Option<Adaptive>,
-    rows: BTreeMap<Row, HeldOuts>,
+    /// From each number of views.
+    rows: BTreeMap<usize, HeldOuts>,
+    /// From as many views as it takes.
+    session: HeldOuts,
     /// Views that each surface took until its intervals were narrow.
     views_taken: Vec<usize>,
     /// The p-value of each surface.
@@ -41,19 +44,13 @@ pub(super) struct Check {
     joint: BTreeMap<usize, (usize, usize)>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Row {
-    Views(usize),
-    /// As many as it takes.
-    Session,
-}
-
 impl Check {
     pub(super) fn new(unit: Unit, adaptive: Option<Adaptive>) -> Self {
         Self {
             unit,
             adaptive,
             rows: BTreeMap::new(),
+            session: HeldOuts::default(),
             views_taken: Vec::new(),
             familiar: Vec::new(),
             no_familiar: None,
@@ -87,15 +84,13 @@ impl Check {
         mut all: BTreeMap<usize, Predictions>,
     ) -> Result<()> {
         for (views, predictions) in &all {
-            let row = self.rows.entry(Row::Views(*views)).or_default();
-            row.add(of, predictions)?;
+            self.rows.entry(*views).or_default().add(of, predictions)?;
         }
         if let Some(adaptive) = &self.adaptive
             && let Some((views, predictions)) = stopped(fitted, &all, adaptive.width)
         {
             self.views_taken.extend(views);
-            let row = self.rows.entry(Row::Session).or_default();
-            row.add(of, &predictions)?;
+            self.session.add(of, &predictions)?;
         }
         if let Some((_, last)) = all.pop_last() {
             self.note_errors(of, &last);
@@ -130,17 +125,14 @@ impl Check {
         let errors = errors.map(|(&at, (sum, count))| ((sum / *count as f64).sqrt(), at));
         let mut errors: Vec<(f64, usize)> = errors.collect();
         errors.sort_by(|one, other| other.0.total_cmp(&one.0));
-        let worst = errors.into_iter().take(WORST);
-        let named = worst.map(|(error, at)| (surfaces[at].id.clone(), error));
-        named.collect()
+        let named = |(error, at): (f64, usize)| (surfaces[at].id.clone(), error);
+        errors.into_iter().take(WORST).map(named).collect()
     }
 
     /// Says it, and gives it.
     pub(super) fn print(&self, surfaces: &[Surface], say: Say<'_>) -> Result<Found> {
-        let last = self.rows.iter().rfind(|(row, _)| **row != Row::Session);
-        let unit = self.unit;
-        let measured = last.map(|(_, held_out)| held_out.print(unit, say));
-        let measured = measured.transpose()?;
+        let (unit, last) = (self.unit, self.rows.values().last());
+        let measured = last.map(|last| last.print(unit, say)).transpose()?;
         if measured.as_ref().is_some_and(|all| all.len() > 1) && !self.joint.is_empty() {
             say(&format!(
                 "wider intervals, meant to hold all properties at once (`predict --joint`): {:.1} % of {unit}",
@@ -176,14 +168,12 @@ impl Check {
         let mean = taken as f64 / self.views_taken.len().max(1) as f64;
         let unit = self.unit;
         let mut lines = vec![heading(unit)];
-        for (row, held_out) in &self.rows {
-            let name = match row {
-                Row::Views(1) => "1 view".to_owned(),
-                Row::Views(views) => format!("{views} views"),
-                Row::Session => format!("until sure, {mean:.2} views"),
-            };
+        for (&views, held_out) in &self.rows {
+            let name = counted(views, "view");
             lines.push(line(&name, &held_out.means()?, 2, unit));
         }
+        let name = format!("until sure, {mean:.2} views");
+        lines.push(line(&name, &self.session.means()?, 2, unit));
         say(aligned(&lines, |at| at == 0).trim_end());
         Ok(())
     }

@@ -85,9 +85,8 @@ impl HeldOuts {
 
 /// The last column where intervals are for a new group or material alone.
 pub(super) fn heading(unit: Unit) -> Vec<String> {
-    let mut heading = ["", "R²", "MAE", "interval half width", "covered, %"]
-        .map(str::to_owned)
-        .to_vec();
+    let heading = ["", "R²", "MAE", "interval half width", "covered, %"];
+    let mut heading = heading.map(str::to_owned).to_vec();
     heading.extend((unit != Unit::Surface).then(|| format!("by {}, %", unit.name())));
     heading
 }
@@ -108,10 +107,8 @@ pub(super) fn line(name: &str, measured: &Measured, decimals: usize, unit: Unit)
 
 /// The mean over units of the share of each.
 pub(super) fn mean_share(units: &BTreeMap<usize, (usize, usize)>) -> f64 {
-    let shares = units
-        .values()
-        .map(|&(held, count)| held as f64 / count as f64);
-    shares.sum::<f64>() / units.len() as f64
+    let share = |&(held, count): &(usize, usize)| held as f64 / count as f64;
+    units.values().map(share).sum::<f64>() / units.len() as f64
 }
 
 #[derive(Default)]

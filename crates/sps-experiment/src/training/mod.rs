@@ -170,27 +170,16 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<TrainedEncoder>> {
 
 /// At the state in which the task was stopped, if it `goes_on`.
 fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
-    let Task {
-        name,
-        start,
-        targets,
-        parts,
-        config,
-        seed,
-        ..
-    } = task;
-    let config = config.clone();
-    let bytes = if goes_on {
-        checksums::read(state)?
-    } else {
-        None
-    };
-    let Some(bytes) = bytes else {
-        return Ok(Trainer::new(start, targets, parts, config, seed)?);
+    let (targets, parts, seed) = (task.targets, task.parts, task.seed);
+    let config = task.config.clone();
+    let stored = goes_on.then(|| checksums::read(state)).transpose()?;
+    let Some(bytes) = stored.flatten() else {
+        return Ok(Trainer::new(task.start, targets, parts, config, seed)?);
     };
     let path = state.display().to_string();
     let trainer = Trainer::resume(&path, &bytes, targets, parts, config, seed)?;
-    info!("{name}: goes on after epoch {}", trainer.history().len());
+    let epochs = trainer.history().len();
+    info!("{}: goes on after epoch {epochs}", task.name);
     Ok(trainer)
 }
 

@@ -203,6 +203,7 @@ impl Fitting<'_> {
     }
 
     fn plan<'t>(&self, trials: impl Iterator<Item = &'t TrialSpec>) -> Plan {
-        plan(0, std::slice::from_ref(self.few), trials)
+        let few = std::slice::from_ref(self.few);
+        plan(0, few, trials.map(TrialSpec::trial))
     }
 }

@@ -162,8 +162,8 @@ pub(super) fn outcome(
     estimates: &Estimates,
 ) -> Result<Outcome> {
     let rerun = trial.rerun / judge.splits.of_rerun;
-    let held_out = judge.held_out(trial)?;
-    let given = held_out.surfaces.iter().map(|&surface| {
+    let (surfaces, outcome) = judge.held_out(trial)?;
+    let given = surfaces.iter().map(|&surface| {
         let estimate = estimates.get(&trial.property, rerun, surface);
         estimate.context("a held-out surface without an estimate")
     });
@@ -177,9 +177,9 @@ pub(super) fn outcome(
             width: None,
         })
     });
-    let values = given.iter().map(|estimate| estimate.value);
     Ok(Outcome {
         stops: stops.collect(),
-        ..judge.outcome(trial, held_out, values.collect())
+        estimate: given.iter().map(|estimate| estimate.value).collect(),
+        ..outcome
     })
 }

@@ -75,8 +75,11 @@ pub fn run(experiment: &Experiment, shard: Shard, folder: &Path, fresh: bool) ->
         // What the run itself has done.
         journals.know(Journals::look(folder)?);
     }
-    let dealt = prepared.dealt()?;
-    prepared.with_encoders(&dealt, |encoded| encoded.fitted(&mut journals).map(drop))?;
+    let dealt = prepared.dealt(experiment.work)?;
+    prepared.with_encoders(&dealt, |encoded| {
+        encoded.fitted(&mut journals)?;
+        Ok(Vec::<()>::new())
+    })?;
     manifest.ended = true;
     manifest.write(&path)?;
     Ok(path)

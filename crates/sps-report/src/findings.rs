@@ -57,9 +57,8 @@ fn ahead(results: &Results, best: &MethodResult) -> Option<String> {
         ("it cannot be told apart from", level),
     ];
     let said = said.into_iter().filter(|(_, names)| !names.is_empty());
-    let said: Vec<String> = said
-        .map(|(what, names)| format!("{what} {}", listed(&names)))
-        .collect();
+    let said = said.map(|(what, names)| format!("{what} {}", listed(&names)));
+    let said: Vec<String> = said.collect();
     (!said.is_empty()).then(|| format!("Compared with others, {}.", said.join("; ")))
 }
 
@@ -93,43 +92,27 @@ mod tests {
 
     #[test]
     fn a_run_is_told_in_sentences() {
-        let results: Results = serde_json::from_value(file()).unwrap();
+        let mut results: Results = serde_json::from_value(file()).unwrap();
         let found = of(&results);
-        assert!(
-            found[0].contains("has the highest mean R²: 0.50 [0.40, 0.60] over"),
-            "{found:?}"
-        );
+        let best = "has the highest mean R²: 0.50 [0.40, 0.60] over";
+        assert!(found[0].contains(best), "{found:?}");
 
-        let mut results = results;
         let mut network = results.methods[0].clone();
         (network.id, network.label) = ("network".to_owned(), "Network".to_owned());
         network.means.r2_mean = Some(0.75);
-        let gain = |p| Gain {
-            value: 0.25,
-            interval: None,
-            p: Some(p),
-        };
-        network
-            .gains
-            .r2_mean_gains
-            .insert("ridge".to_owned(), gain(0.01));
         results.methods.push(network);
         results.against = vec!["ridge".to_owned()];
-        let ahead = "Compared with others, it is ahead of Ridge (+0.250).";
-        assert_eq!(of(&results)[1], ahead);
-        let mut said_of = |gain| {
+        for (value, p, said) in [
+            (0.25, 0.01, "it is ahead of Ridge (+0.250)"),
+            (0.25, 0.2, "it cannot be told apart from Ridge"),
+            (-0.25, 0.01, "it is behind Ridge (-0.250)"),
+        ] {
+            let (interval, p) = (None, Some(p));
             let gains = &mut results.methods[1].gains.r2_mean_gains;
-            gains.insert("ridge".to_owned(), gain);
-            of(&results).remove(1)
-        };
-        let level = "Compared with others, it cannot be told apart from Ridge.";
-        assert_eq!(said_of(gain(0.2)), level);
-        let behind = Gain {
-            value: -0.25,
-            ..gain(0.01)
-        };
-        let said = "Compared with others, it is behind Ridge (-0.250).";
-        assert_eq!(said_of(behind), said);
+            gains.insert("ridge".to_owned(), Gain { value, interval, p });
+            let expected = format!("Compared with others, {said}.");
+            assert_eq!(of(&results)[1], expected);
+        }
         assert_eq!(listed(&["a", "b", "c"].map(str::to_owned)), "a, b and c");
     }
 }

@@ -22,11 +22,14 @@ pub(super) const TABLES: Folder = Folder {
     endings: &["csv", "tex"],
 };
 
-pub(super) const ALL: [&Folder; 2] = [&FIGURES, &TABLES];
-
 impl Folder {
-    /// Writes contents by the names of their files, and removes what an earlier report left.
-    pub(super) fn write(&self, run: &Path, contents: &BTreeMap<String, Vec<u8>>) -> Result<()> {
+    /// Writes contents by the names of their files, and removes what an earlier report left. The files, in the
+    /// order of their names.
+    pub(super) fn write(
+        &self,
+        run: &Path,
+        contents: &BTreeMap<String, Vec<u8>>,
+    ) -> Result<impl Iterator<Item = String>> {
         for (name, content) in contents {
             write_atomically(&run.join(self.name).join(name), content)?;
         }
@@ -37,7 +40,8 @@ impl Folder {
                     .with_context(|| format!("cannot remove {}", path.display()))?;
             }
         }
-        Ok(())
+        let names = contents.keys();
+        Ok(names.map(|name| format!("{}/{name}", self.name)))
     }
 
     /// The files of a finished run, in the order of their names.
@@ -51,12 +55,5 @@ impl Folder {
         paths.retain(|path| self.endings.iter().any(|ending| has(path, *ending)));
         paths.sort();
         Ok(paths)
-    }
-
-    pub(super) fn names(&self, run: &Path) -> Result<Vec<String>> {
-        let paths = self.paths(run)?;
-        let names = paths.iter().filter_map(|path| path.file_name());
-        let names = names.map(|name| format!("{}/{}", self.name, name.to_string_lossy()));
-        Ok(names.collect())
     }
 }

@@ -1,4 +1,5 @@
-//! R² against the number of training surfaces, for methods that were trained on several numbers.
+//! How methods learn: R² against the number of training surfaces, for those that were trained on several
+//! numbers, and the loss of networks, epoch by epoch.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -80,13 +81,12 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         let label = [Cell::from(curve.label)].into_iter();
         Row::measured(label.chain(numbers.iter().map(cell)).collect())
     };
-    let ceilings = ceilings(results)
-        .into_iter()
-        .filter_map(|(label, _, mean)| {
-            let cells = numbers.iter().map(|_| Cell::number(mean, 3));
-            let cells = [Cell::from(label)].into_iter().chain(cells).collect();
-            mean.map(|_| Row::reference(cells))
-        });
+    let ceilings = ceilings(results).into_iter();
+    let ceilings = ceilings.filter_map(|(label, _, mean)| {
+        let cells = numbers.iter().map(|_| Cell::number(mean, 3));
+        let cells = [Cell::from(label)].into_iter().chain(cells).collect();
+        mean.map(|_| Row::reference(cells))
+    });
     let rows = curves.iter().map(row).chain(ceilings);
     let caption = format!(
         "R² against training surfaces: the mean over the properties, with {}. A \
@@ -146,6 +146,37 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
              perfect reader of the images would reach.",
             results.intervals_in_words()
         ),
+        svg: plotted(plots, layout, (PAGE, 320.0)),
+    })
+}
+
+/// The loss of each network's estimates in training; none where no network was trained.
+pub(super) fn training(results: &Results) -> Option<Figure> {
+    let trained = results.methods.iter();
+    let trained = trained.filter(|method| !method.training_losses.is_empty());
+    let mut plots: Vec<Plot> = Vec::new();
+    for (index, method) in trained.enumerate() {
+        let epochs = (1_u32..).map(f64::from);
+        let line = LinePlot::new()
+            .with_data(epochs.zip(method.training_losses.iter().copied()))
+            .with_stroke_width(1.4);
+        plots.push(told_apart(line, index, &method.label));
+    }
+    if plots.is_empty() {
+        return None;
+    }
+    let layout = Layout::auto_from_plots(&plots)
+        .with_y_axis_min(0.0)
+        .with_x_label("epoch")
+        .with_y_label("squared error in training")
+        .with_legend_box(false)
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
+    Some(Figure {
+        name: "training",
+        title: "How networks were trained".to_owned(),
+        caption: "Mean squared error of the estimates in training, in units of the readings' variance, over \
+                  all properties and reruns."
+            .to_owned(),
         svg: plotted(plots, layout, (PAGE, 320.0)),
     })
 }

@@ -11,7 +11,6 @@ pub mod compare;
 mod figures;
 mod findings;
 mod folders;
-mod intervals;
 mod learning;
 mod means;
 mod page;
@@ -24,7 +23,6 @@ mod summary;
 mod surfaces;
 pub mod table;
 mod tables;
-mod training;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -34,7 +32,7 @@ use anyhow::Result;
 use serde_json::json;
 use sps_dataset::Unit;
 use sps_experiment::files::write_atomically;
-use sps_experiment::predictions;
+use sps_experiment::predictions::{self, Prediction};
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::run::RunFolder;
 use sps_experiment::text::counted;
@@ -50,21 +48,27 @@ pub use tables::{gained, tables};
 /// # Errors
 /// Results that cannot be read; a file that cannot be written.
 pub fn write(folder: &RunFolder) -> Result<()> {
-    write_files(folder.path())?;
-    folder.seal(files(folder.path())?)
+    let written = write_files(folder.path())?;
+    folder.seal(written)
 }
 
-fn write_files(folder: &Path) -> Result<()> {
+/// The names of all files of the report, in the folder of the run.
+fn write_files(folder: &Path) -> Result<Vec<String>> {
     let results = Results::read(folder)?;
     let shown = shown(&results);
     let is_shown = |id: &str| shown.iter().any(|method| method.id == id);
     let predictions = predictions::of_methods(folder, is_shown)?;
-    let figures = figures(&results, &shown, &predictions);
+    let estimates = shown
+        .iter()
+        .map(|method| Estimates::of(method, &predictions));
+    let estimates: Vec<Estimates<'_>> = estimates.collect();
+    let figures = figures(&results, &estimates);
     let tables = tables(&results);
-    let best = shown.first();
-    let gallery = best.and_then(|best| surfaces::gallery(folder, &results, best, &predictions));
-    folders::FIGURES.write(folder, &drawn(&figures))?;
-    folders::TABLES.write(folder, &printed(&tables)?)?;
+    let best = estimates.first();
+    let gallery = best.and_then(|best| surfaces::gallery(folder, &results, best));
+    let mut written = PAGES.map(str::to_owned).to_vec();
+    written.extend(folders::FIGURES.write(folder, &drawn(&figures))?);
+    written.extend(folders::TABLES.write(folder, &printed(&tables)?)?);
     let page = json!({
         "title": results.experiment,
         "description": results.description,
@@ -76,7 +80,23 @@ fn write_files(folder: &Path) -> Result<()> {
     for (name, text) in PAGES.iter().zip(page::texts(page)?) {
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
-    Ok(())
+    Ok(written)
+}
+
+/// The held-out estimates of a method.
+struct Estimates<'a> {
+    method: &'a MethodResult,
+    predictions: Vec<&'a Prediction>,
+}
+
+impl<'a> Estimates<'a> {
+    fn of(method: &'a MethodResult, all: &'a [Prediction]) -> Self {
+        let predictions = all.iter().filter(|one| one.method == method.id).collect();
+        Self {
+            method,
+            predictions,
+        }
+    }
 }
 
 const WITH_INTERVALS: usize = 5;
@@ -93,10 +113,8 @@ fn shown(results: &Results) -> Vec<&MethodResult> {
 }
 
 fn drawn(figures: &[Figure]) -> BTreeMap<String, Vec<u8>> {
-    let files = figures.iter();
-    files
-        .map(|figure| (format!("{}.svg", figure.name), figure.svg.clone().into()))
-        .collect()
+    let file = |figure: &Figure| (format!("{}.svg", figure.name), figure.svg.clone().into());
+    figures.iter().map(file).collect()
 }
 
 /// The files of tables, by their names: for programs as CSV, for papers as LaTeX.
@@ -115,15 +133,6 @@ fn printed(tables: &[Table]) -> Result<BTreeMap<String, Vec<u8>>> {
 /// A folder that cannot be read.
 pub fn figure_files(run: &Path) -> Result<Vec<PathBuf>> {
     folders::FIGURES.paths(run)
-}
-
-/// The names of all files of the report in the folder of a run.
-fn files(run: &Path) -> Result<Vec<String>> {
-    let mut names = PAGES.map(str::to_owned).to_vec();
-    for folder in folders::ALL {
-        names.extend(folder.names(run)?);
-    }
-    Ok(names)
 }
 
 /// What was measured on, and how that stands to the paper's numbers.
@@ -154,10 +163,7 @@ pub fn about_the_data(results: &Results) -> String {
 
 fn training_and_held_out(results: &Results) -> String {
     let data = &results.dataset;
-    let held_out = results
-        .methods
-        .iter()
-        .map(|method| method.held_out_surfaces);
+    let held_out = results.methods.iter().map(|m| m.held_out_surfaces);
     let mut text = format!(
         "A rerun trains on {} and is scored on others: {} different ones, all reruns together.",
         counted(data.training_surfaces, "surface"),

@@ -84,11 +84,8 @@ pub(super) fn table(results: &Results) -> Table {
     }
     columns.push("ms per surface".to_owned());
     let against = results.compared_with();
-    columns.extend(
-        against
-            .iter()
-            .map(|other| format!("R² gained on {}", other.label)),
-    );
+    let gained_on = |other: &&MethodResult| format!("R² gained on {}", other.label);
+    columns.extend(against.iter().map(gained_on));
     let rows = methods.iter().enumerate().map(|(at, method)| {
         let paper = printed(results, method);
         let mut cells = vec![method.label.as_str().into(), held_out(results, method)];
@@ -98,11 +95,11 @@ pub(super) fn table(results: &Results) -> Table {
             let nothing = || Cell::number(None, 0);
             cells.extend(printed.map(|printed| paper.as_ref().map_or_else(nothing, printed)));
         }
-        cells.push(speed::milliseconds(&method.costs));
-        let gains = against
-            .iter()
-            .map(|other| method.gains.r2_mean_gains.get(&other.id));
-        cells.extend(gains.map(|gain| gained(gain, 3)));
+        cells.push(speed::in_milliseconds(
+            method.costs.predict_seconds_per_surface,
+        ));
+        let gains = &method.gains.r2_mean_gains;
+        cells.extend(against.iter().map(|other| gained(gains.get(&other.id), 3)));
         Row {
             mark: summary::mark(results, at),
             ..Row::measured(cells)
@@ -119,11 +116,10 @@ fn held_out(results: &Results, method: &MethodResult) -> Cell {
     }
     let surfaces = counted(surfaces, "surface");
     match results.dataset.unit {
-        Some(unit @ (Unit::Group | Unit::Material)) => format!(
-            "{}, {surfaces}",
-            counted(method.held_out_units, unit.name())
-        )
-        .into(),
+        Some(unit @ (Unit::Group | Unit::Material)) => {
+            let units = counted(method.held_out_units, unit.name());
+            format!("{units}, {surfaces}").into()
+        }
         Some(Unit::Surface) | None => surfaces.into(),
     }
 }

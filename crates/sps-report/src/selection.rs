@@ -90,9 +90,10 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
             let line = LinePlot::new().with_data(points);
             line.with_color(COLOURS[index % COLOURS.len()])
         };
-        let best = line(curve(results, method, largest, |point| point.2)).with_stroke_width(2.0);
+        let searches = searches(results, method);
+        let best = line(curve(&searches, largest, |point| point.2)).with_stroke_width(2.0);
         plots.push(Plot::Line(best.with_legend(method.label.as_str())));
-        let round = curve(results, method, largest, |point| point.1);
+        let round = curve(&searches, largest, |point| point.1);
         // A search that goes through all sets does not better its rounds.
         if round.iter().all(|&(_, loss)| loss <= HIGHEST) {
             plots.push(Plot::Line(line(round).with_stroke_width(1.0).with_dashed()));
@@ -119,15 +120,12 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
     })
 }
 
-/// The mean curve of a method's searches, at evaluations that grow by a constant factor, from the
-/// first that all searches have.
-fn curve(
-    results: &Results,
-    method: &MethodResult,
-    largest: u64,
-    of: fn(&(u64, f64, f64)) -> f64,
-) -> Vec<(f64, f64)> {
-    let searches = searches(results, method);
+/// A point of a search's curve: the sets asked for, the mean loss of their round, the least so far.
+type Point = (u64, f64, f64);
+
+/// The mean curve of searches, at evaluations that grow by a constant factor, from the first that all
+/// have.
+fn curve(searches: &[Search<'_>], largest: u64, of: fn(&Point) -> f64) -> Vec<(f64, f64)> {
     let longest = searches.iter().map(|search| search.of.evaluations).max();
     let longest = 1.2 * longest.unwrap_or(0) as f64;
     (0..=POINTS)
@@ -150,8 +148,8 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Where the curve was after so many evaluations: 0 is the lowest loss, 1 that of random sets.
-    fn at(&self, evaluations: f64, of: fn(&(u64, f64, f64)) -> f64) -> Number {
-        let reached = |point: &&(u64, f64, f64)| point.0 as f64 <= evaluations;
+    fn at(&self, evaluations: f64, of: fn(&Point) -> f64) -> Number {
+        let reached = |point: &&Point| point.0 as f64 <= evaluations;
         let point = self.of.curve.iter().take_while(reached).last()?;
         Some((of(point) - self.lowest) / (self.random - self.lowest))
     }
@@ -178,10 +176,8 @@ fn lowest(results: &Results, method: &MethodResult, property: &str, rerun: usize
         let views = method.selected_views.get(property)?.get(rerun)?;
         Some(views.len())
     };
-    let alike = results
-        .methods
-        .iter()
-        .filter(|other| picks(other) == picks(method));
+    let methods = results.methods.iter();
+    let alike = methods.filter(|other| picks(other) == picks(method));
     let losses = alike.filter_map(|other| other.selections.get(property)?.get(rerun)?.loss);
     losses.min_by(f64::total_cmp)
 }

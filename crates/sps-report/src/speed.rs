@@ -20,13 +20,12 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
 }
 
 fn answers(results: &Results, speed: &Speed) -> Table {
-    let missing = || Cell::number(None, 0);
     let row = |question: String, id: &Option<String>| {
         let found = id.as_ref().and_then(|id| results.method(id));
         Row::measured(vec![
             question.into(),
             found.map_or("none", |method| &method.label).into(),
-            found.map_or_else(missing, |method| milliseconds(&method.costs)),
+            in_milliseconds(found.and_then(|of| of.costs.predict_seconds_per_surface)),
             Cell::number(found.and_then(|method| method.means.r2_mean), 3),
             Cell::number(found.and_then(|method| method.means.mae_mean), 2),
         ])
@@ -116,7 +115,7 @@ fn settings(results: &Results, speed: &Speed) -> Table {
 fn costs(costs: &Costs) -> Vec<Cell> {
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
     vec![
-        milliseconds(costs),
+        in_milliseconds(costs.predict_seconds_per_surface),
         in_milliseconds(costs.decode_seconds_per_surface),
         in_milliseconds(costs.encode_seconds_per_surface),
         in_milliseconds(costs.head_seconds_per_surface),
@@ -128,12 +127,7 @@ fn costs(costs: &Costs) -> Vec<Cell> {
     ]
 }
 
-/// Of one estimate.
-pub(super) fn milliseconds(costs: &Costs) -> Cell {
-    in_milliseconds(costs.predict_seconds_per_surface)
-}
-
-fn in_milliseconds(seconds: Number) -> Cell {
+pub(super) fn in_milliseconds(seconds: Number) -> Cell {
     Cell::number(seconds.map(|seconds| 1e3 * seconds), 2)
 }
 

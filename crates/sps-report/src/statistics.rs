@@ -63,10 +63,8 @@ fn standardised(values: &[f64]) -> Vec<f64> {
     let moments: Moments = values.iter().copied().collect();
     let mean = moments.mean().unwrap_or_default();
     let std = moments.sample_std().ok().filter(|std| *std > 0.0);
-    let scaled = values
-        .iter()
-        .map(|value| (value - mean) / std.unwrap_or(f64::INFINITY));
-    scaled.collect()
+    let scaled = |value: &f64| (value - mean) / std.unwrap_or(f64::INFINITY);
+    values.iter().map(scaled).collect()
 }
 
 fn entry(label: &str, colour: &str) -> LegendEntry {

@@ -3,7 +3,7 @@
 use sps_experiment::results::Results;
 use sps_experiment::results::speed::{Point, best_within, fastest, looking};
 
-use super::speed::{looked_at, milliseconds};
+use super::speed::{in_milliseconds, looked_at};
 use super::table::{Cell, Row, Table};
 
 /// In a word, how the method at this place stands out of those that look at a photograph; empty where it does
@@ -47,7 +47,7 @@ pub fn summary(results: &Results) -> Table {
         cells.extend(percentages.then_some(percent));
         cells.extend([
             looked_at(costs),
-            milliseconds(costs),
+            in_milliseconds(costs.predict_seconds_per_surface),
             mark(results, at).into(),
         ]);
         Row::measured(cells)

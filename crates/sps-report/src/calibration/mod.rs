@@ -11,53 +11,38 @@ use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 use sps_metrics::Level;
 
+use super::Estimates;
 use super::figures::{COLOURS, COLUMN, Figure, line, plotted};
 use super::scales::scales;
 
-struct Estimates<'a> {
-    method: &'a MethodResult,
-    predictions: Vec<&'a Prediction>,
-    colour: &'static str,
-}
-
 /// The figures of these methods; none where there are too few estimates to calibrate on.
-pub(super) fn figures(
-    results: &Results,
-    methods: &[&MethodResult],
-    predictions: &[Prediction],
-) -> Vec<Figure> {
-    let colours = COLOURS.into_iter().cycle();
-    let of_method = |(method, colour)| {
-        let method: &MethodResult = method;
-        let of_method = predictions.iter().filter(|p| p.method == method.id);
-        Estimates {
-            method,
-            predictions: of_method.collect(),
-            colour,
-        }
-    };
-    let all = methods.iter().copied().zip(colours).map(of_method);
-    let all: Vec<Estimates<'_>> = all.collect();
-    let figures = [coverage(results, &all), widths(&all)];
+pub(super) fn figures(results: &Results, all: &[Estimates<'_>]) -> Vec<Figure> {
+    let coloured: Vec<_> = all.iter().zip(COLOURS.into_iter().cycle()).collect();
+    let figures = [coverage(results, &coloured), widths(&coloured)];
     figures.into_iter().flatten().collect()
 }
 
-fn coverage(results: &Results, all: &[Estimates<'_>]) -> Option<Figure> {
+/// With the colour that it has in both figures.
+type Coloured<'a> = (&'a Estimates<'a>, &'static str);
+
+fn coverage(results: &Results, all: &[Coloured<'_>]) -> Option<Figure> {
     let levels = (1..20).filter_map(|at| Level::new(f64::from(at) / 20.0).ok());
     let levels: Vec<Level> = levels.collect();
     // Where both axes say the same.
     let diagonal = line([(0.0, 0.0), (1.0, 1.0)], "#777777", 1.0);
     let mut plots = vec![Plot::Line(diagonal.with_dashed())];
-    for of in all {
+    for (of, colour) in all {
         let held = halves::held(&of.predictions, &levels);
         if held.is_empty() {
             continue;
         }
         let held = held.into_iter().map(|(level, share)| (level.get(), share));
-        let line = line(held, of.colour, 1.4);
+        let line = line(held, colour, 1.4);
         plots.push(Plot::Line(line.with_legend(of.method.label.as_str())));
     }
-    let own = all.iter().filter_map(promised);
+    let own = all
+        .iter()
+        .filter_map(|&(of, colour)| promised(of.method, colour));
     plots.extend(own.map(Plot::Scatter));
     if plots.len() == 1 {
         return None;
@@ -85,11 +70,11 @@ fn coverage(results: &Results, all: &[Estimates<'_>]) -> Option<Figure> {
 }
 
 /// What a method's own intervals promise and hold.
-fn promised(of: &Estimates<'_>) -> Option<ScatterPlot> {
-    let own = of.method.adaptive.as_ref()?;
+fn promised(method: &MethodResult, colour: &str) -> Option<ScatterPlot> {
+    let own = method.adaptive.as_ref()?;
     let hover = format!(
         "{}: {} % of {} %",
-        of.method.label,
+        method.label,
         number(Some(100.0 * own.coverage), 1),
         number(Some(100.0 * own.level), 0)
     );
@@ -98,7 +83,7 @@ fn promised(of: &Estimates<'_>) -> Option<ScatterPlot> {
             .with_data([(own.level, own.coverage)])
             .with_marker(MarkerShape::Star)
             .with_size(6.0)
-            .with_color(of.colour)
+            .with_color(colour)
             .with_tooltips()
             .with_tooltip_labels([hover]),
     )
@@ -107,18 +92,18 @@ fn promised(of: &Estimates<'_>) -> Option<ScatterPlot> {
 /// Marks of a method.
 const BINS: usize = 10;
 
-fn widths(all: &[Estimates<'_>]) -> Option<Figure> {
+fn widths(all: &[Coloured<'_>]) -> Option<Figure> {
     let mut plots = Vec::new();
-    for of in all {
+    for &(of, colour) in all {
         let bins = bins(&of.predictions);
         if bins.is_empty() {
             continue;
         }
-        let line = line(bins.iter().copied(), of.colour, 1.2);
+        let line = line(bins.iter().copied(), colour, 1.2);
         let line = line.with_legend(of.method.label.as_str());
         let marks = ScatterPlot::new()
             .with_data(bins.iter().copied())
-            .with_color(of.colour)
+            .with_color(colour)
             .with_size(3.0);
         plots.extend([Plot::Line(line), Plot::Scatter(marks)]);
     }
@@ -188,10 +173,8 @@ mod tests {
         };
         let predictions: Vec<Prediction> = (0..20).map(of).collect();
         let found = bins(&predictions.iter().collect::<Vec<_>>());
-        let expected: Vec<(f64, f64)> = (0..10)
-            .map(|at| (1.5 + 2.0 * f64::from(at), 1.5 + 2.0 * f64::from(at)))
-            .collect();
-        assert_eq!(found, expected);
+        let middles = (0..10).map(|at| 1.5 + 2.0 * f64::from(at));
+        assert_eq!(found, middles.map(|m| (m, m)).collect::<Vec<_>>());
         let bare = Prediction::default();
         assert!(bins(&[&bare]).is_empty());
     }

@@ -1,6 +1,5 @@
 //! What differs between finished runs: configs, sources, data, machines, scores and times.
 
-mod differing;
 mod held;
 mod moved;
 mod run;
@@ -11,10 +10,10 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use serde::Serialize;
-use sps_experiment::results::{Kind, MethodResult, Number};
+use sps_experiment::config::{Differing, differing_keys};
+use sps_experiment::results::{Kind, MethodResult, Number, Results};
 
 use crate::table::Cell;
-use differing::Aspect;
 use moved::Moved;
 pub use run::Run;
 
@@ -32,6 +31,14 @@ pub struct Comparison {
     pub(crate) units: String,
     pub(crate) scores: Vec<Moved>,
     pub(crate) speed: Vec<Speeds>,
+}
+
+/// One side of what a run depends on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Aspect {
+    pub name: &'static str,
+    /// Empty where it is the same in both.
+    pub differing: Vec<Differing>,
 }
 
 /// What the estimate of one surface costs in each run, and what it is worth.
@@ -64,7 +71,7 @@ pub fn compare(first: &Run, second: &Run) -> Result<Comparison> {
     Ok(Comparison {
         first: first.path.clone(),
         second: second.path.clone(),
-        aspects: differing::aspects(first, second),
+        aspects: aspects(first, second),
         only_first,
         only_second,
         interval_level: first.results.interval_level,
@@ -118,4 +125,35 @@ fn lacking(one: &Run, other: &Run) -> Vec<String> {
     let there: BTreeSet<&String> = other.results.methods.iter().map(|m| &m.id).collect();
     let ids = one.results.methods.iter().map(|method| &method.id);
     ids.filter(|id| !there.contains(id)).cloned().collect()
+}
+
+/// Config, sources, data and machine.
+fn aspects(first: &Run, second: &Run) -> Vec<Aspect> {
+    let differs = |key: &str, of: fn(&Results) -> String| {
+        let [first, second] = [first, second].map(|run| of(&run.results));
+        (first != second).then(|| Differing {
+            key: key.to_owned(),
+            first: Some(first),
+            second: Some(second),
+        })
+    };
+    let sources = [differs("source_hash", |r| r.provenance.source_hash.clone())];
+    let data = [
+        differs("data_hash", |r| r.provenance.data_hash.clone()),
+        differs("name", |r| r.dataset.name.clone()),
+        differs("surfaces", |r| r.dataset.surfaces.to_string()),
+        differs("units", |r| r.dataset.units.to_string()),
+        differs("views", |r| r.dataset.views.to_string()),
+    ];
+    let machine = [
+        differs("cpu", |r| r.provenance.cpu.clone()),
+        differs("threads", |r| r.provenance.threads.to_string()),
+    ];
+    let aspect = |name, differing| Aspect { name, differing };
+    vec![
+        aspect("config", differing_keys(&first.config, &second.config)),
+        aspect("sources", sources.into_iter().flatten().collect()),
+        aspect("data", data.into_iter().flatten().collect()),
+        aspect("machine", machine.into_iter().flatten().collect()),
+    ]
 }

@@ -159,10 +159,8 @@ fn moved(
 
 /// What a method was scored on, property by property.
 fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [Held]> {
-    let of_property = properties.iter();
-    of_property
-        .map(|property| run.outcomes.get(method, property))
-        .collect()
+    let held = |property: &&String| run.outcomes.get(method, property);
+    properties.iter().map(held).collect()
 }
 
 /// Whether both are of the same surfaces with the same readings: rerun by rerun, or where one run
@@ -225,12 +223,10 @@ fn judged(kind: Kind, all: &[&[Held]], units: &Outcomes) -> Vec<Judged> {
 
 fn scored(kind: Kind, all: &[Judged]) -> Result<Vec<Scored<'_>>, IntervalError> {
     let scored = all.iter().map(|judged| {
+        let (truth, estimate) = (&judged.truth, &judged.estimate);
         Ok(Scored {
             metric: kind.metric()?,
-            samples: Samples {
-                truth: &judged.truth,
-                estimate: &judged.estimate,
-            },
+            samples: Samples { truth, estimate },
             units: Some(&judged.units),
             rerun: judged.rerun,
         })
@@ -296,19 +292,14 @@ mod tests {
             ..row(Some("x"), 0.02, Some(0.04))
         };
         let interval = Some([0.001, 0.039]);
+        let mut lost = moved(None, false);
+        (lost.difference, lost.second) = (None, None);
         for (one, past) in [
             (moved(interval, true), true),
             (moved(interval, false), false),
             // Of one rerun chance is not known.
             (moved(None, false), true),
-            (
-                Moved {
-                    difference: None,
-                    second: None,
-                    ..moved(None, false)
-                },
-                true,
-            ),
+            (lost, true),
         ] {
             assert_eq!(one.is_past(0.01), past, "{one:?}");
             let lost = one.difference.is_none();

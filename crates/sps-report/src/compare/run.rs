@@ -56,11 +56,8 @@ impl Run {
     pub fn scores(&self, kind: Kind, method: &str, property: &str) -> Vec<f64> {
         let reruns = self.outcomes.get(method, property).iter();
         let scores = reruns.filter_map(|held| {
-            let [truth, estimate] = held.judged(kind);
-            let samples = Samples {
-                truth: &truth,
-                estimate: &estimate,
-            };
+            let [truth, estimate] = &held.judged(kind);
+            let samples = Samples { truth, estimate };
             Some(kind.metric().ok()?.score(samples).ok()?.value)
         });
         scores.collect()

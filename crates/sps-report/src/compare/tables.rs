@@ -6,9 +6,8 @@ use std::fmt;
 use sps_experiment::config::Differing;
 use sps_experiment::results::Kind;
 
-use super::Comparison;
-use super::differing::Aspect;
 use super::moved::Moved;
+use super::{Aspect, Comparison};
 use crate::table::{Cell, Row, Table};
 
 /// Longer values are cut: `--json` has them whole.

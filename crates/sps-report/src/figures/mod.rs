@@ -11,10 +11,9 @@ use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::render::{Primitive, Scene, render_multiple};
-use sps_experiment::predictions::Prediction;
-use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::results::Results;
 
-use super::{calibration, learning, selection, training};
+use super::{Estimates, calibration, learning, selection};
 
 /// Pixels, of which 96 are an inch: 89 mm.
 pub(super) const COLUMN: f64 = 336.0;
@@ -39,23 +38,17 @@ pub(crate) struct Figure {
     pub svg: String,
 }
 
-/// The figures, in the order of the report.
-///
-/// `shown` are the methods whose `predictions` there are, the best first.
-pub(crate) fn figures(
-    results: &Results,
-    shown: &[&MethodResult],
-    predictions: &[Prediction],
-) -> Vec<Figure> {
+/// The figures, in the order of the report; `estimates` are those that there are, of the best method first.
+pub(crate) fn figures(results: &Results, estimates: &[Estimates<'_>]) -> Vec<Figure> {
     let mut figures = vec![heat::figure(results)];
     figures.extend(speed_error::figure(results));
     figures.extend(learning::figure(results));
-    figures.extend(training::figure(results));
+    figures.extend(learning::training(results));
     figures.extend(fan::figure(results));
     figures.extend(selection::curves(results));
-    let best = shown.first();
-    figures.extend(best.map(|method| scatter::figure(results, method, predictions)));
-    figures.extend(calibration::figures(results, shown, predictions));
+    let best = estimates.first();
+    figures.extend(best.map(|best| scatter::figure(results, best)));
+    figures.extend(calibration::figures(results, estimates));
     figures
 }
 

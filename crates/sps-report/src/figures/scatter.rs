@@ -5,10 +5,11 @@ use kuva::render::figure::Figure as Grid;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use sps_experiment::predictions::Prediction;
-use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::results::Results;
 use sps_experiment::text::number;
 
 use super::{COLUMN, Figure, PAGE, line, span, svg};
+use crate::Estimates;
 
 /// Between panels, and around them.
 const SPACING: f64 = 4.0;
@@ -17,21 +18,13 @@ const PADDING: f64 = 8.0;
 /// Points of a panel: more hide one another, and make a page that is slow to open.
 const MOST_POINTS: usize = 400;
 
-pub(super) fn figure(
-    results: &Results,
-    method: &MethodResult,
-    predictions: &[Prediction],
-) -> Figure {
-    let of_method = |property: &str| {
-        let all: Vec<&Prediction> = predictions
-            .iter()
-            .filter(|prediction| prediction.method == method.id && prediction.property == property)
-            .collect();
-        let step = all.len().div_ceil(MOST_POINTS).max(1);
-        all.into_iter().step_by(step).collect::<Vec<_>>()
-    };
+pub(super) fn figure(results: &Results, best: &Estimates<'_>) -> Figure {
+    let method = best.method;
     let panels = results.properties.iter().map(|property| {
-        let points = of_method(property);
+        let points = best.predictions.iter().copied();
+        let points: Vec<_> = points.filter(|one| one.property == *property).collect();
+        let step = points.len().div_ceil(MOST_POINTS).max(1);
+        let points: Vec<&Prediction> = points.into_iter().step_by(step).collect();
         let r2 = method.scores.r2.get(property).copied().flatten();
         panel(&format!("{property}, R² {}", number(r2, 2)), &points)
     });

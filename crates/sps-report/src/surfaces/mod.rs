@@ -12,6 +12,7 @@ use sps_experiment::predictions::Prediction;
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
+use super::Estimates;
 use super::scales::{Scale, Scales, scales};
 use super::table::{Cell, Row, Table};
 use pictures::{Sight, in_words, sights};
@@ -49,18 +50,11 @@ const MOST_PICTURES: usize = 3;
 
 const GROUPS: [&str; 3] = ["The best", "The median", "The worst"];
 
-/// The surfaces of which `method` made the best, the median and the worst estimates; none where it made
+/// The surfaces of which a method made the best, the median and the worst estimates; none where it made
 /// none.
-pub(super) fn gallery(
-    folder: &Path,
-    results: &Results,
-    method: &MethodResult,
-    predictions: &[Prediction],
-) -> Option<Gallery> {
-    let predictions = predictions.iter().filter(|p| p.method == method.id);
-    let predictions: Vec<&Prediction> = predictions.collect();
-    let scales = scales(&predictions);
-    let ranked = ranked(&results.properties, &predictions, &scales);
+pub(super) fn gallery(folder: &Path, results: &Results, of: &Estimates<'_>) -> Option<Gallery> {
+    let (method, scales) = (of.method, scales(&of.predictions));
+    let ranked = ranked(&results.properties, &of.predictions, &scales);
     let picked = picked(ranked.len());
     let chosen = picked.iter().flat_map(|places| &ranked[places.clone()]);
     let chosen: Vec<&Ranked<'_>> = chosen.collect();

@@ -44,12 +44,10 @@ pub(super) fn sights(folder: &Path, wanted: &[(&str, Vec<usize>)]) -> Result<Vec
     let sight = |(surface, views): &(&str, Vec<usize>)| {
         let place = places.get(surface);
         let place = *place.with_context(|| format!("the data has no `{surface}`"))?;
-        let pictures = views
-            .iter()
-            .map(|&view| picture(source.as_ref(), place, view));
+        let picture = |&view: &usize| picture(source.as_ref(), place, view);
         Ok(Sight {
             material: source.surfaces()[place].material.clone(),
-            pictures: pictures.collect::<Result<_>>()?,
+            pictures: views.iter().map(picture).collect::<Result<_>>()?,
         })
     };
     wanted.iter().map(sight).collect()

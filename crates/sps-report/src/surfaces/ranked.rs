@@ -31,14 +31,10 @@ pub(super) fn ranked<'a>(
         }
     }
     let ranked = of_surface.into_iter().filter_map(|(surface, of_property)| {
-        let values = properties
-            .iter()
-            .filter_map(|property| of_property.get(property.as_str()).copied());
-        let values: Vec<&Prediction> = values.collect();
-        let errors = values
-            .iter()
-            .filter_map(|value| Some(scales.get(value.property.as_str())?.error(value)));
-        let errors: Vec<f64> = errors.collect();
+        let value = |property: &String| of_property.get(property.as_str()).copied();
+        let values: Vec<&Prediction> = properties.iter().filter_map(value).collect();
+        let error = |value: &&Prediction| Some(scales.get(&value.property[..])?.error(value));
+        let errors: Vec<f64> = values.iter().filter_map(error).collect();
         let error = errors.iter().sum::<f64>() / errors.len() as f64;
         error.is_finite().then_some(Ranked {
             surface,

@@ -5,25 +5,20 @@ use std::fmt;
 use sps_experiment::text::number;
 
 /// A cell of a table. It is shown rounded; CSV has its numbers as they were measured.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cell {
     /// What is read first.
     pub(super) text: String,
-    /// What the value lies between.
+    /// What the value lies between, as it is read.
     pub(super) beside: Option<String>,
-    /// None of words.
-    numbers: Option<Numbers>,
-}
-
-/// A value, or what it lies between, or both, as they were measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Numbers {
+    /// Whether it is words, and never had numbers.
+    pub(super) is_text: bool,
     value: Option<f64>,
     ends: Option<[f64; 2]>,
     /// Of a difference, how often chance alone makes one as large.
-    p: Option<f64>,
+    pub(super) p: Option<f64>,
     /// Whether it is clear of 0 among all differences of its table.
-    clear: bool,
+    pub(super) clear: bool,
 }
 
 /// On which side of 0 a difference lies that is clear of it.
@@ -66,12 +61,10 @@ impl Cell {
 
     /// The same with its p-value, for [`Table::tested`](super::Table::tested).
     pub(crate) fn gain(value: f64, ends: [f64; 2], p: f64, decimals: usize) -> Self {
-        let mut cell = Self::difference(Some(value), Some(ends), decimals);
-        cell.numbers = cell.numbers.map(|numbers| Numbers {
+        Self {
             p: Some(p),
-            ..numbers
-        });
-        cell
+            ..Self::difference(Some(value), Some(ends), decimals)
+        }
     }
 
     /// A mean with the lowest and the highest that it is made of: `0.50 (0.25 to 0.75)`.
@@ -93,56 +86,36 @@ impl Cell {
         value: Option<f64>,
         ends: Option<[f64; 2]>,
     ) -> Self {
-        let numbers = Numbers {
-            value,
-            ends,
-            ..Numbers::default()
-        };
         Self {
             text,
             beside,
-            numbers: Some(numbers),
+            value,
+            ends,
+            ..Self::default()
         }
-    }
-
-    pub(super) fn p(&self) -> Option<f64> {
-        self.numbers?.p
-    }
-
-    /// Says that it is clear of 0 among all differences of its table.
-    pub(super) fn call(&mut self) {
-        if let Some(numbers) = &mut self.numbers {
-            numbers.clear = true;
-        }
-    }
-
-    pub(super) fn is_text(&self) -> bool {
-        self.numbers.is_none()
     }
 
     /// Words, or the value to the last digit.
     pub(super) fn value(&self) -> Option<String> {
-        match self.numbers {
-            None => Some(self.text.clone()),
-            Some(numbers) => numbers.value.map(|value| value.to_string()),
+        if self.is_text {
+            return Some(self.text.clone());
         }
+        self.value.map(|value| value.to_string())
     }
 
     /// The lower and the upper end to the last digit.
     pub(super) fn ends(&self) -> Option<[String; 2]> {
-        Some(self.numbers?.ends?.map(|end| end.to_string()))
+        Some(self.ends?.map(|end| end.to_string()))
     }
 
     /// The number that stands for it among others: of a range the lower end.
     pub(super) fn rank(&self) -> Option<f64> {
-        let Numbers { value, ends, .. } = self.numbers?;
-        value.or(ends.map(|[low, _]| low))
+        self.value.or(self.ends.map(|[low, _]| low))
     }
 
     /// None where it is not clear of 0.
     pub(super) fn side(&self) -> Option<Side> {
-        let numbers = self.numbers.filter(|numbers| numbers.clear)?;
-        let is_above = numbers.value? > 0.0;
+        let is_above = self.value.filter(|_| self.clear)? > 0.0;
         Some(if is_above { Side::Above } else { Side::Below })
     }
 }
@@ -151,8 +124,8 @@ impl<T: Into<String>> From<T> for Cell {
     fn from(text: T) -> Self {
         Self {
             text: text.into(),
-            beside: None,
-            numbers: None,
+            is_text: true,
+            ..Self::default()
         }
     }
 }
@@ -212,8 +185,8 @@ mod tests {
     fn a_difference_shows_its_side_once_it_is_called_clear() {
         for (value, sign) in [(0.1, "▲"), (-0.1, "▼")] {
             let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], 0.01, 2);
-            assert_eq!((cell.side(), cell.p()), (None, Some(0.01)));
-            cell.call();
+            assert_eq!((cell.side(), cell.p), (None, Some(0.01)));
+            cell.clear = true;
             assert!(cell.to_string().ends_with(&format!("] {sign}")), "{cell}");
         }
     }

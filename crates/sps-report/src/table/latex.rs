@@ -5,10 +5,8 @@ use super::{Cell, Table};
 impl Table {
     /// A float with a caption and the label `tab:NAME`.
     pub(crate) fn latex(&self) -> String {
-        let columns = 0..self.columns.len();
-        let alignment: String = columns
-            .map(|at| if self.is_left(at) { 'l' } else { 'r' })
-            .collect();
+        let alignment = |at| if self.is_left(at) { 'l' } else { 'r' };
+        let alignment: String = (0..self.columns.len()).map(alignment).collect();
         let titles: Vec<String> = self.columns.iter().map(|title| escaped(title)).collect();
         let italic = |text: &str| format!("\\textit{{{text}}}");
         let rows = self.rows.iter().map(|row| line(&row.texts(text, italic)));
@@ -41,7 +39,7 @@ fn line(cells: &[String]) -> String {
 
 fn text(cell: &Cell) -> String {
     let text = cell.to_string();
-    if cell.is_text() {
+    if cell.is_text {
         return escaped(&text);
     }
     // A hyphen is no minus sign.

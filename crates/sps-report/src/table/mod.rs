@@ -101,17 +101,12 @@ impl Table {
     /// for how many it has.
     #[must_use]
     pub fn tested(mut self, level: f64) -> Self {
-        let mut tested: Vec<&mut Cell> = self
-            .rows
-            .iter_mut()
-            .flat_map(|row| &mut row.cells)
-            .collect();
-        tested.retain(|cell| cell.p().is_some());
-        let p_values: Vec<f64> = tested.iter().filter_map(|cell| cell.p()).collect();
+        let rows = self.rows.iter_mut();
+        let mut tested: Vec<&mut Cell> = rows.flat_map(|row| &mut row.cells).collect();
+        tested.retain(|cell| cell.p.is_some());
+        let p_values: Vec<f64> = tested.iter().filter_map(|cell| cell.p).collect();
         for (cell, p) in tested.into_iter().zip(holm(&p_values)) {
-            if p <= 1.0 - level {
-                cell.call();
-            }
+            cell.clear = p <= 1.0 - level;
         }
         self
     }
@@ -122,7 +117,7 @@ impl Table {
 
     /// Whether a column is set to the left: the first, and those of words alone.
     fn is_left(&self, at: usize) -> bool {
-        at == 0 || self.column(at).all(Cell::is_text)
+        at == 0 || self.column(at).all(|cell| cell.is_text)
     }
 }
 

@@ -117,17 +117,14 @@ fn ends(intervals: Intervals, scored: &[Scored<'_>]) -> Result<[f64; 2], Interva
 
 /// R² of each rerun about 0.
 fn scored<'a>(truth: &'a [f64], estimates: &'a [Vec<f64>]) -> Vec<Scored<'a>> {
-    let scored = estimates
-        .iter()
-        .enumerate()
-        .filter_map(|(rerun, estimate)| {
-            let metric = Metric::R2(TrainingMean::new(0.0).ok()?);
-            Some(Scored {
-                rerun,
-                ..Scored::new(metric, Samples { truth, estimate })
-            })
-        });
-    scored.collect()
+    let scored = |(rerun, estimate): (usize, &'a Vec<f64>)| {
+        let metric = Metric::R2(TrainingMean::new(0.0).ok()?);
+        Some(Scored {
+            rerun,
+            ..Scored::new(metric, Samples { truth, estimate })
+        })
+    };
+    estimates.iter().enumerate().filter_map(scored).collect()
 }
 
 const FEATURES: usize = 20;

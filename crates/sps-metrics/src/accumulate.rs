@@ -1,6 +1,6 @@
 use crate::double::Double;
 use crate::moments::{LEAST_SUM_OF_SQUARES, ShiftedSums, trusted};
-use crate::outcome::{Outcome, Quantity, Score, Undefined, in_range};
+use crate::outcome::{Outcome, Quantity, Undefined, score};
 use crate::samples::{Pair, TrainingMean};
 use crate::screen::Screen;
 
@@ -134,12 +134,4 @@ impl FromIterator<Pair> for ScoreAccumulator {
         pairs.into_iter().for_each(|pair| accumulator.push(pair));
         accumulator
     }
-}
-
-fn score(value: f64, samples: usize) -> Outcome {
-    Ok(Score {
-        value: in_range(value)?,
-        samples,
-        zero_truths: 0,
-    })
 }

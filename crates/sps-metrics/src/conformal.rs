@@ -270,10 +270,8 @@ pub fn coverage(intervals: &[PredictionInterval], truth: &[f64]) -> Result<Cover
         widths.push(high - low);
     }
     let samples = screen.samples()?;
-    if let Some(index) = intervals
-        .iter()
-        .position(|interval| interval.low > interval.high)
-    {
+    let is_inverted = |interval: &PredictionInterval| interval.low > interval.high;
+    if let Some(index) = intervals.iter().position(is_inverted) {
         return Err(Undefined::InvertedInterval { index });
     }
     Ok(Coverage {

@@ -1,5 +1,7 @@
 use thiserror::Error;
 
+use crate::screen::Screen;
+
 /// A score, or the reason why it has none.
 pub type Outcome = Result<Score, Undefined>;
 
@@ -152,15 +154,9 @@ impl NonFiniteKind {
 impl Quantity {
     /// The value, if it is finite: one of this kind, which stands alone.
     pub(crate) fn finite(self, value: f64) -> Result<f64, Undefined> {
-        NonFiniteKind::of(value).map_or(Ok(value), |kind| {
-            Err(Undefined::NonFinite {
-                quantity: self,
-                index: 0,
-                kind,
-                count: 1,
-                of: 1,
-            })
-        })
+        let mut screen = Screen::default();
+        screen.admit([(self, value)]);
+        screen.samples().map(|_| value)
     }
 }
 
@@ -193,4 +189,13 @@ pub(crate) fn in_range(value: f64) -> Result<f64, Undefined> {
         .is_finite()
         .then_some(value)
         .ok_or(Undefined::OutOfRange)
+}
+
+/// A score that rests on all of so many samples.
+pub(crate) fn score(value: f64, samples: usize) -> Outcome {
+    Ok(Score {
+        value: in_range(value)?,
+        samples,
+        zero_truths: 0,
+    })
 }

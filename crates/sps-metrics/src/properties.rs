@@ -1,7 +1,7 @@
 use std::collections::HashSet;
 
 use crate::moments::Moments;
-use crate::outcome::{Outcome, Quantity, Undefined};
+use crate::outcome::{Quantity, Undefined};
 use crate::samples::Better;
 
 /// One metric's value for one property.
@@ -25,16 +25,6 @@ pub struct PropertyMean {
     pub left_out: Vec<(String, Undefined)>,
     /// Over how many properties the mean was asked for.
     pub wanted: usize,
-}
-
-impl PropertyScore {
-    /// The score of a property.
-    pub fn new(property: impl Into<String>, outcome: Outcome) -> Self {
-        Self {
-            property: property.into(),
-            value: outcome.map(|score| score.value),
-        }
-    }
 }
 
 impl PropertyMean {

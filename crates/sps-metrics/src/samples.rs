@@ -136,10 +136,7 @@ impl<'a> Samples<'a> {
     }
 
     /// The samples one by one.
-    ///
-    /// # Errors
-    /// [`Undefined::LengthMismatch`].
-    pub fn pairs(self) -> Result<impl Iterator<Item = Pair> + 'a, Undefined> {
+    pub(crate) fn pairs(self) -> Result<impl Iterator<Item = Pair> + 'a, Undefined> {
         if self.truth.len() == self.estimate.len() {
             let both = self.truth.iter().zip(self.estimate);
             Ok(both.map(|(&truth, &estimate)| Pair { truth, estimate }))

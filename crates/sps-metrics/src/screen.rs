@@ -13,9 +13,8 @@ impl Screen {
     pub(crate) fn admit<const N: usize>(&mut self, parts: [(Quantity, f64); N]) -> bool {
         let index = self.seen;
         self.seen += 1;
-        let found = parts
-            .into_iter()
-            .find_map(|(quantity, value)| Some((index, quantity, NonFiniteKind::of(value)?)));
+        let refused = |(quantity, value)| Some((index, quantity, NonFiniteKind::of(value)?));
+        let found = parts.into_iter().find_map(refused);
         if found.is_some() {
             self.rejected += 1;
             self.first = self.first.or(found);
@@ -25,10 +24,8 @@ impl Screen {
 
     /// As if the samples of `later` had come after those of `self`.
     pub(crate) fn merge(&mut self, later: &Self) {
-        let shifted = later
-            .first
-            .map(|(index, quantity, kind)| (self.seen + index, quantity, kind));
-        self.first = self.first.or(shifted);
+        let shifted = |(index, quantity, kind)| (self.seen + index, quantity, kind);
+        self.first = self.first.or(later.first.map(shifted));
         self.seen += later.seen;
         self.rejected += later.rejected;
     }

@@ -16,9 +16,8 @@ pub(crate) fn of_median(values: &[Option<f64>]) -> Vec<Option<f64>> {
         return vec![None; values.len()];
     };
     let count = ascending.len() as f64;
-    let from = ((count - 1.0) / 2.0 - Z * (count / 4.0).sqrt())
-        .round()
-        .max(0.0) as usize;
+    let from = (count - 1.0) / 2.0 - Z * (count / 4.0).sqrt();
+    let from = from.round().max(0.0) as usize;
     let standard_error = (ascending[last - from] - ascending[from]) / (2.0 * Z);
     let median = f64::midpoint(ascending[last / 2], ascending[last.div_ceil(2)]);
     let influence = |value: f64| {
@@ -34,10 +33,8 @@ pub(crate) fn of_spearman(samples: Samples<'_>) -> Vec<f64> {
     let count = samples.truth.len() as f64;
     let orders = [samples.truth, samples.estimate].map(Order::of);
     let [truth, estimate] = orders.each_ref().map(|order| {
-        let shares = order
-            .ranks()
-            .into_iter()
-            .map(|rank| rank as f64 / (2.0 * count));
+        let shares = order.ranks().into_iter();
+        let shares = shares.map(|rank| rank as f64 / (2.0 * count));
         shares.collect::<Vec<f64>>()
     });
     let of = |a: usize, b: usize| {
@@ -63,11 +60,8 @@ struct Product {
 impl Product {
     fn of(orders: [&Order; 2], shares: [&Vec<f64>; 2]) -> Self {
         let count = shares[0].len() as f64;
-        let own: Vec<f64> = shares[0]
-            .iter()
-            .zip(shares[1])
-            .map(|(a, b)| a * b)
-            .collect();
+        let both = shares[0].iter().zip(shares[1]);
+        let own: Vec<f64> = both.map(|(a, b)| a * b).collect();
         let mean = own.iter().sum::<f64>() / count;
         let above = [above(orders[0], shares[1]), above(orders[1], shares[0])];
         let influence = own.iter().zip(&above[0]).zip(&above[1]);
@@ -87,11 +81,9 @@ fn above(order: &Order, values: &[f64]) -> Vec<f64> {
     let starts = [0].into_iter().chain(order.tie_ends.iter().copied());
     let ties: Vec<(usize, usize)> = starts.zip(order.tie_ends.iter().copied()).collect();
     for (start, end) in ties.into_iter().rev() {
-        let level: f64 = order.ascending[start..end]
-            .iter()
-            .map(|&at| values[at])
-            .sum();
-        for &at in &order.ascending[start..end] {
+        let tie = &order.ascending[start..end];
+        let level: f64 = tie.iter().map(|&at| values[at]).sum();
+        for &at in tie {
             sums[at] = above + level / 2.0;
         }
         above += level;

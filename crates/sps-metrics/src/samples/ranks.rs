@@ -1,4 +1,4 @@
-use crate::outcome::{Outcome, Score, Undefined};
+use crate::outcome::{Outcome, Undefined, score};
 use crate::samples::Samples;
 
 /// Spearman's correlation of samples that are known to pair up and to be finite: Pearson's of the
@@ -15,12 +15,8 @@ pub(crate) fn spearman(samples: Samples<'_>) -> Outcome {
         let both = a.iter().zip(b);
         both.map(|(&a, &b)| i128::from(a) * i128::from(b)).sum()
     };
-    let [tt, te, ee] = [
-        (&truth, &truth),
-        (&truth, &estimate),
-        (&estimate, &estimate),
-    ]
-    .map(|(a, b)| product(a, b));
+    let (tt, ee) = (product(&truth, &truth), product(&estimate, &estimate));
+    let te = product(&truth, &estimate);
     if tt == 0 {
         let value = samples.truth[0];
         return Err(Undefined::ConstantTruth { value });
@@ -29,11 +25,8 @@ pub(crate) fn spearman(samples: Samples<'_>) -> Outcome {
         let value = samples.estimate[0];
         return Err(Undefined::ConstantEstimate { value });
     }
-    Ok(Score {
-        value: (te as f64 / (tt as f64 * ee as f64).sqrt()).clamp(-1.0, 1.0),
-        samples: found,
-        zero_truths: 0,
-    })
+    let correlation = te as f64 / (tt as f64 * ee as f64).sqrt();
+    score(correlation.clamp(-1.0, 1.0), found)
 }
 
 /// Indices in ascending order of value, and where in it each run of equal values ends.

@@ -1,10 +1,10 @@
 //! Against scikit-learn and SciPy.
 
 use safetensors::SafeTensors;
-use sps_metrics::{Samples, Scores, TrainingMean};
+use sps_metrics::{Scores, TrainingMean};
 
 use crate::support::rule::uniform;
-use crate::support::{assert_close, value};
+use crate::support::{assert_close, samples, value};
 
 const SURFACES: usize = 41;
 const PROPERTIES: usize = 15;
@@ -55,7 +55,6 @@ fn scores_match_scikit_learn_and_scipy() {
     ];
     let expected = names.map(read);
     for (property, (truth, estimate, mean)) in fixture().iter().enumerate() {
-        let samples = Samples { truth, estimate };
         let Scores {
             r2,
             r2_own_mean,
@@ -63,16 +62,13 @@ fn scores_match_scikit_learn_and_scipy() {
             rmse,
             median_percent_error,
             spearman,
-        } = Scores::of(samples, TrainingMean::new(*mean));
+        } = Scores::of(samples(truth, estimate), TrainingMean::new(*mean));
         // Most values are tied.
         let truth: Vec<f64> = truth.iter().map(|t| (t / 20.0).round()).collect();
         let estimate: Vec<f64> = estimate.iter().map(|p| (p / 25.0).round()).collect();
-        let tied = Samples {
-            truth: &truth,
-            estimate: &estimate,
-        };
+        let tied = samples(&truth, &estimate).spearman();
         let found = [r2, r2_own_mean, mae, rmse, median_percent_error, spearman];
-        let found = found.into_iter().chain([tied.spearman()]);
+        let found = found.into_iter().chain([tied]);
         for (outcome, expected) in found.zip(&expected) {
             assert_close(value(&outcome), expected[property], BOUND);
         }

@@ -1,17 +1,22 @@
 //! Intervals over units and reruns, against closed forms and known distributions.
 
 use proptest::prelude::*;
-use sps_metrics::{
-    IntervalError, Intervals, Level, Metric, Samples, ScoreInterval, Scored, Undefined,
-};
+use sps_metrics::{IntervalError, Intervals, Level, Metric, ScoreInterval, Scored, Undefined};
 
-use crate::support::{assert_close, training_mean, uniform};
+use crate::support::{assert_close, samples, training_mean, uniform};
 
 const OF_MODELS: Intervals = Intervals::of_models(Level::P95);
 const OF_TRAINING: Intervals = Intervals::of_training(Level::P95);
 
 fn scored<'a>(metric: Metric, truth: &'a [f64], estimate: &'a [f64]) -> Scored<'a> {
-    Scored::new(metric, Samples { truth, estimate })
+    Scored::new(metric, samples(truth, estimate))
+}
+
+/// Of samples that come from these units.
+fn by_units(units: &[usize], scored: Scored<'_>) -> ScoreInterval {
+    let units = Some(units);
+    let found = OF_MODELS.interval(&[Scored { units, ..scored }]);
+    found.expect("two units or more")
 }
 
 /// Of each rerun.
@@ -102,16 +107,16 @@ proptest! {
             Metric::Rmse,
         ] {
             let (truth, estimate) = part(None);
-            let whole = Scored { units: Some(&units), ..scored(metric, &truth, &estimate) };
+            let whole = scored(metric, &truth, &estimate);
             let changes: Option<Vec<f64>> = different.iter().map(|&unit| {
                 let (truth, estimate) = part(Some(unit));
-                let score = metric.score(Samples { truth: &truth, estimate: &estimate });
+                let score = metric.score(scored(metric, &truth, &estimate).samples);
                 Some(score.ok()?.value)
             }).collect();
             let Some(changes) = changes else { continue };
             let count = changes.len() as f64;
             let expected = (variance(&changes) * (count - 1.0).powi(2) / count).sqrt();
-            let found = OF_MODELS.interval(&[whole]).expect("two units or more");
+            let found = by_units(&units, whole);
             prop_assert!(found.standard_error > expected * (1.0 - 1e-9) - 1e-12);
         }
     }
@@ -136,11 +141,8 @@ proptest! {
         ] {
             let once = OF_MODELS.interval(&[scored(metric, &truth, &estimate)]);
             let (truth, estimate) = (repeated(&truth), repeated(&estimate));
-            let often = OF_MODELS.interval(&[Scored {
-                units: Some(&units),
-                ..scored(metric, &truth, &estimate)
-            }]);
-            let (once, often) = (once.expect("twelve units"), often.expect("twelve units"));
+            let often = by_units(&units, scored(metric, &truth, &estimate));
+            let once = once.expect("twelve units");
             for (a, b) in [(once.low, often.low), (once.high, often.high)] {
                 prop_assert!((a - b).abs() < 1e-9 * a.abs().max(1.0), "{metric:?}: {a} {b}");
             }
@@ -257,11 +259,7 @@ fn a_unit_counts_once_however_many_samples_it_has() {
     let units: Vec<usize> = (0..600).map(|at| at / 10).collect();
     let one = scored(Metric::Mae, &truth, &estimate);
     let by_photograph = OF_MODELS.interval(&[one]).expect("600 samples");
-    let by_unit = OF_MODELS.interval(&[Scored {
-        units: Some(&units),
-        ..one
-    }]);
-    let by_unit = by_unit.expect("60 units");
+    let by_unit = by_units(&units, one);
     assert_eq!((by_unit.units, by_photograph.units), (60, 600));
     let times = by_unit.standard_error / by_photograph.standard_error;
     assert_close(times, (10.0 * 599.0 / 590.0_f64).sqrt(), 1e-9);
@@ -393,11 +391,7 @@ fn a_unit_that_is_much_of_all_widens_an_interval() {
         .collect();
     let error = |&unit: &usize| if unit == 0 { 0.5_f64.sqrt() } else { 0.5 };
     let estimate = plus(&truth, &units.iter().map(error).collect::<Vec<f64>>());
-    let found = OF_MODELS.interval(&[Scored {
-        units: Some(&units),
-        ..scored(Metric::R2OwnMean, &truth, &estimate)
-    }]);
-    let found = found.expect("13 units");
+    let found = by_units(&units, scored(Metric::R2OwnMean, &truth, &estimate));
     assert_close(found.estimate, 0.75, 1e-12);
     assert!(found.standard_error >= 1.0 / 12.0, "{found:?}");
 }

@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use proptest::sample::Index;
-use sps_metrics::{Metric, Moments, Outcome, Pair, Samples, ScoreAccumulator};
+use sps_metrics::{Metric, Moments, Outcome, Pair, ScoreAccumulator};
 
 use crate::support::{
-    AT_1E8, Exact, UNIT, Units, every_metric, relative_error, training_mean, value,
+    AT_1E8, Exact, UNIT, Units, every_metric, merged, relative_error, samples, training_mean, value,
 };
 
 /// What the crate promises.
@@ -41,10 +41,7 @@ fn apart(pairs: &[Pair]) -> (Vec<f64>, Vec<f64>) {
 
 fn scored(metric: Metric, pairs: &[Pair]) -> Outcome {
     let (truth, estimate) = apart(pairs);
-    metric.score(Samples {
-        truth: &truth,
-        estimate: &estimate,
-    })
+    metric.score(samples(&truth, &estimate))
 }
 
 fn mapped(pairs: &[Pair], map: impl Fn(f64) -> f64) -> Vec<Pair> {
@@ -81,11 +78,7 @@ fn in_parts(pairs: &[Pair], cuts: &[Index]) -> ScoreAccumulator {
             parts[into].merge(&later);
         }
     }
-    let mut whole = ScoreAccumulator::new();
-    for part in &parts {
-        whole.merge(part);
-    }
-    whole
+    merged(&parts)
 }
 
 proptest! {

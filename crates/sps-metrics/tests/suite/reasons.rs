@@ -4,7 +4,7 @@ use sps_metrics::{
     InvalidLevel, Level, NonFiniteKind, Quantity, Samples, Scores, TrainingMean, Undefined,
 };
 
-use crate::support::every_metric;
+use crate::support::{every_metric, samples};
 
 fn assert_refused(samples: Samples<'_>, reason: Undefined) {
     let reason = Err(reason);
@@ -15,29 +15,16 @@ fn assert_refused(samples: Samples<'_>, reason: Undefined) {
 
 #[test]
 fn empty_and_unequal_sets_are_refused_by_every_metric() {
-    let empty = Samples {
-        truth: &[],
-        estimate: &[],
-    };
-    assert_refused(empty, Undefined::Empty);
-    let unequal = Samples {
-        truth: &[1.0, 2.0],
-        estimate: &[1.0],
-    };
-    let reason = Undefined::LengthMismatch {
-        truths: 2,
-        estimates: 1,
-    };
-    assert_refused(unequal, reason);
+    assert_refused(samples(&[], &[]), Undefined::Empty);
+    let (truths, estimates) = (2, 1);
+    let reason = Undefined::LengthMismatch { truths, estimates };
+    assert_refused(samples(&[1.0, 2.0], &[1.0]), reason);
 }
 
 #[test]
 fn an_infinite_estimate_is_named_by_every_metric() {
     // The truth of the first is zero, which leaves it out of the percentage, not out of the check.
-    let samples = Samples {
-        truth: &[0.0, 2.0, 3.0, 4.0],
-        estimate: &[1.0, f64::NEG_INFINITY, 3.0, f64::NAN],
-    };
+    let estimate = [1.0, f64::NEG_INFINITY, 3.0, f64::NAN];
     let reason = Undefined::NonFinite {
         quantity: Quantity::Estimate,
         index: 1,
@@ -45,15 +32,12 @@ fn an_infinite_estimate_is_named_by_every_metric() {
         count: 2,
         of: 4,
     };
-    assert_refused(samples, reason);
+    assert_refused(samples(&[0.0, 2.0, 3.0, 4.0], &estimate), reason);
 }
 
 #[test]
 fn a_constant_estimate_has_no_rank_correlation() {
-    let samples = Samples {
-        truth: &[1.0, 2.0, 3.0],
-        estimate: &[7.0; 3],
-    };
+    let samples = samples(&[1.0, 2.0, 3.0], &[7.0; 3]);
     let constant = Undefined::ConstantEstimate { value: 7.0 };
     assert_eq!(samples.spearman(), Err(constant));
     assert!(samples.r2_own_mean().is_ok());
@@ -65,10 +49,7 @@ fn a_training_mean_is_finite_or_says_why_not() {
     let expected = "training mean 0 is infinite (1 of 1 samples are not finite)";
     assert_eq!(error.to_string(), expected);
     assert_eq!(TrainingMean::of(&[]), Err(Undefined::Empty));
-    let samples = Samples {
-        truth: &[1.0, 2.0],
-        estimate: &[1.0, 2.5],
-    };
+    let samples = samples(&[1.0, 2.0], &[1.0, 2.5]);
     let scores = Scores::of(samples, TrainingMean::of(&[]));
     let reason = scores.r2.expect_err("there is no training mean");
     assert_eq!(reason.to_string(), "no training mean: no samples");

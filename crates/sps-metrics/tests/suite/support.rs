@@ -1,6 +1,6 @@
 //! Reference arithmetic that shares nothing with the crate.
 
-use sps_metrics::{Level, Metric, Outcome, Pair, TrainingMean};
+use sps_metrics::{Level, Metric, Outcome, Pair, Samples, ScoreAccumulator, TrainingMean};
 
 #[path = "../../../../fixtures/golden/rule.rs"]
 #[allow(dead_code, reason = "how far results are off is told otherwise here")]
@@ -93,6 +93,10 @@ impl Exact {
     }
 }
 
+pub(crate) fn samples<'a>(truth: &'a [f64], estimate: &'a [f64]) -> Samples<'a> {
+    Samples { truth, estimate }
+}
+
 pub(crate) fn training_mean(mean: f64) -> TrainingMean {
     TrainingMean::new(mean).expect("a finite mean")
 }
@@ -120,6 +124,17 @@ pub(crate) fn assert_close(found: f64, expected: f64, bound: f64) {
         error <= bound,
         "{found:e} against {expected:e}: relative error {error:e}, allowed {bound:e}"
     );
+}
+
+/// As if the samples of all parts had come in their order.
+pub(crate) fn merged<'a>(
+    parts: impl IntoIterator<Item = &'a ScoreAccumulator>,
+) -> ScoreAccumulator {
+    let mut whole = ScoreAccumulator::new();
+    for part in parts {
+        whole.merge(part);
+    }
+    whole
 }
 
 pub(crate) fn every_metric(mean: f64) -> [Metric; 6] {

@@ -4,8 +4,8 @@ use sps_metrics::{
     ConformalError, IntervalError, Intervals, Level, Metric, Scored, SplitConformal,
 };
 
-use super::{naive, samples};
-use crate::support::{assert_close, level, relative_error, uniform};
+use super::naive;
+use crate::support::{assert_close, level, relative_error, samples, uniform};
 
 #[test]
 fn equal_truths_that_are_left_are_not_scored() {

@@ -26,8 +26,6 @@ mod intervals;
 mod sums;
 mod truths;
 
-use sps_metrics::Samples;
-
 use crate::support::relative_error;
 
 /// What people write first.
@@ -111,8 +109,4 @@ fn within(case: &str, found: f64, expected: f64, bound: f64, naive: f64) {
     println!("{case}: error {error:.1e}, bound {bound:.0e}, naive form {naive:.1e}");
     assert!(error <= bound, "{case}: {found:e} against {expected:e}");
     assert!(naive.is_nan() || naive > bound, "{case}: the naive form");
-}
-
-fn samples<'a>(truth: &'a [f64], estimate: &'a [f64]) -> Samples<'a> {
-    Samples { truth, estimate }
 }

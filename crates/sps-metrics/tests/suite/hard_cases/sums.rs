@@ -4,9 +4,9 @@ use std::hint::black_box;
 
 use sps_metrics::{Moments, Pair, ScoreAccumulator, Undefined};
 
-use super::{naive, samples, within};
+use super::{naive, within};
 use crate::support::{
-    AT_1E8, Exact, UNIT, Units, assert_close, relative_error, training_mean, value,
+    AT_1E8, Exact, UNIT, Units, assert_close, merged, relative_error, samples, training_mean, value,
 };
 
 /// Sample i of truths spread over two units above 1e8, to the last place of an `f64`, with errors
@@ -138,13 +138,7 @@ fn ten_million_streamed_values_match_exact_integers() {
     for (i, units) in units().enumerate() {
         parts[(i * i) % 7].push(units.pair());
     }
-    let merged = parts
-        .iter()
-        .rev()
-        .fold(ScoreAccumulator::new(), |mut merged, part| {
-            merged.merge(part);
-            merged
-        });
+    let merged = merged(parts.iter().rev());
     let mean = AT_1E8 + 70_000_001;
     for sums in [&whole, &merged] {
         assert_close(value(&sums.r2_own_mean()), exact.r2_own_mean(), 5e-16);

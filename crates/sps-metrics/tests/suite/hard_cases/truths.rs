@@ -5,8 +5,8 @@ use sps_metrics::{
     Scored, TrainingMean, Undefined,
 };
 
-use super::{naive, samples, within};
-use crate::support::{assert_close, every_metric, training_mean, value};
+use super::{naive, within};
+use crate::support::{assert_close, every_metric, merged, samples, training_mean, value};
 
 #[test]
 fn constant_truth_is_named_where_rounding_hides_it() {
@@ -127,10 +127,7 @@ fn one_nan_in_a_merged_stream_is_found_where_it_is() {
         };
         parts[i as usize / 1000].push(pair);
     }
-    let mut sums = ScoreAccumulator::new();
-    for part in &parts {
-        sums.merge(part);
-    }
+    let sums = merged(&parts);
     let reason = Err(Undefined::NonFinite {
         quantity: Quantity::Truth,
         index: 2345,

@@ -108,17 +108,13 @@ fn the_sign_of_a_residual_does_not_matter() {
 #[test]
 fn coverage_counts_ends_and_refuses_nonsense() {
     let interval = |low, high| PredictionInterval { low, high };
-    let intervals = [
-        interval(0.0, 1.0),
-        interval(0.0, 1.0),
-        interval(0.0, 1.0),
-        interval(2.0, 2.0),
-    ];
+    let unit = interval(0.0, 1.0);
+    let intervals = [unit, unit, unit, interval(2.0, 2.0)];
     let seen = coverage(&intervals, &[0.0, 1.0, 1.5, 2.0]).expect("four of each");
     assert_eq!((seen.covered, seen.samples), (3, 4));
     assert_eq!((seen.fraction(), seen.mean_width), (0.75, 0.75));
 
-    let inverted = [interval(0.0, 1.0), interval(3.0, 2.0)];
+    let inverted = [unit, interval(3.0, 2.0)];
     let refused = coverage(&inverted, &[0.5, 2.5]);
     assert_eq!(refused, Err(Undefined::InvertedInterval { index: 1 }));
     assert_eq!(coverage(&[], &[]), Err(Undefined::Empty));

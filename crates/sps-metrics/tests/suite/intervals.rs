@@ -345,25 +345,15 @@ fn what_has_no_interval_says_why() {
     let constant = scored(Metric::R2OwnMean, &[4.0; 3], &estimate);
     let alone = scored(Metric::R2OwnMean, &[4.0, 4.0, 5.0], &estimate);
     let unequal = scored(Metric::Mae, &truth, &estimate[..2]);
+    let (samples, units) = (3, 2);
+    let (truths, estimates) = (3, 2);
+    let unequal_lengths = Undefined::LengthMismatch { truths, estimates };
     for (scored, reason) in [
         (one_unit, IntervalError::OneUnit),
-        (
-            unpaired,
-            IntervalError::UnitMismatch {
-                samples: 3,
-                units: 2,
-            },
-        ),
+        (unpaired, IntervalError::UnitMismatch { samples, units }),
         (constant, Undefined::ConstantTruth { value: 4.0 }.into()),
         (alone, IntervalError::OneUnit),
-        (
-            unequal,
-            Undefined::LengthMismatch {
-                truths: 3,
-                estimates: 2,
-            }
-            .into(),
-        ),
+        (unequal, unequal_lengths.into()),
     ] {
         assert_eq!(OF_MODELS.interval(&[scored]), Err(reason));
     }

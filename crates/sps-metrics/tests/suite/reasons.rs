@@ -4,7 +4,7 @@ use sps_metrics::{
     InvalidLevel, Level, NonFiniteKind, Quantity, Samples, Scores, TrainingMean, Undefined,
 };
 
-use crate::support::{every_metric, samples};
+use crate::support::{every_metric, not_finite, samples};
 
 fn assert_refused(samples: Samples<'_>, reason: Undefined) {
     let reason = Err(reason);
@@ -25,13 +25,8 @@ fn empty_and_unequal_sets_are_refused_by_every_metric() {
 fn an_infinite_estimate_is_named_by_every_metric() {
     // The truth of the first is zero, which leaves it out of the percentage, not out of the check.
     let estimate = [1.0, f64::NEG_INFINITY, 3.0, f64::NAN];
-    let reason = Undefined::NonFinite {
-        quantity: Quantity::Estimate,
-        index: 1,
-        kind: NonFiniteKind::NegativeInfinity,
-        count: 2,
-        of: 4,
-    };
+    let kind = NonFiniteKind::NegativeInfinity;
+    let reason = not_finite(Quantity::Estimate, 1, kind, [2, 4]);
     assert_refused(samples(&[0.0, 2.0, 3.0, 4.0], &estimate), reason);
 }
 
@@ -69,13 +64,7 @@ fn reasons_read_as_sentences() {
             "all 3 truths are zero, so no percentage is defined",
         ),
         (
-            Undefined::NonFinite {
-                quantity: Quantity::Truth,
-                index: 4,
-                kind: NonFiniteKind::Nan,
-                count: 2,
-                of: 9,
-            },
+            not_finite(Quantity::Truth, 4, NonFiniteKind::Nan, [2, 9]),
             "truth 4 is NaN (2 of 9 samples are not finite)",
         ),
     ];

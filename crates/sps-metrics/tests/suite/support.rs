@@ -1,6 +1,9 @@
 //! Reference arithmetic that shares nothing with the crate.
 
-use sps_metrics::{Level, Metric, Outcome, Pair, Samples, ScoreAccumulator, TrainingMean};
+use sps_metrics::{
+    Level, Metric, NonFiniteKind, Outcome, Pair, Quantity, Samples, ScoreAccumulator, TrainingMean,
+    Undefined,
+};
 
 #[path = "../../../../fixtures/golden/rule.rs"]
 #[allow(dead_code, reason = "how far results are off is told otherwise here")]
@@ -95,6 +98,22 @@ impl Exact {
 
 pub(crate) fn samples<'a>(truth: &'a [f64], estimate: &'a [f64]) -> Samples<'a> {
     Samples { truth, estimate }
+}
+
+/// Why samples are not scored of which so many of so many are not finite, the first of them at `index`.
+pub(crate) fn not_finite(
+    quantity: Quantity,
+    index: usize,
+    kind: NonFiniteKind,
+    [count, of]: [usize; 2],
+) -> Undefined {
+    Undefined::NonFinite {
+        quantity,
+        index,
+        kind,
+        count,
+        of,
+    }
 }
 
 pub(crate) fn training_mean(mean: f64) -> TrainingMean {

@@ -59,7 +59,9 @@ pub(crate) struct Speeds {
 /// Runs without a method in common.
 pub fn compare(first: &Run, second: &Run) -> Result<Comparison> {
     let (only_first, only_second) = (lacking(first, second), lacking(second, first));
-    let common: Vec<[&MethodResult; 2]> = in_both(first, second).collect();
+    let methods = first.results.methods.iter();
+    let common = methods.filter_map(|method| Some([method, second.results.method(&method.id)?]));
+    let common: Vec<[&MethodResult; 2]> = common.collect();
     ensure!(
         !common.is_empty(),
         "{} and {} have no method in common: {}, and {}",
@@ -99,12 +101,6 @@ impl Comparison {
         });
         lost.chain(past).collect()
     }
-}
-
-/// The methods of these ids in either run, in the order of the first.
-fn in_both<'r>(first: &'r Run, second: &'r Run) -> impl Iterator<Item = [&'r MethodResult; 2]> {
-    let methods = first.results.methods.iter();
-    methods.filter_map(|method| Some([method, second.results.method(&method.id)?]))
 }
 
 fn speeds(methods: [&MethodResult; 2]) -> Speeds {

@@ -126,8 +126,10 @@ fn moved(
         Some(one) => vec![one],
         None => first.results.properties.iter().collect(),
     };
-    let mine = held(first, &then.id, &properties);
-    let theirs = held(second, &then.id, &properties);
+    let [mine, theirs] = [first, second].map(|run| {
+        let held = |property: &&String| run.outcomes.get(&then.id, property);
+        properties.iter().map(held).collect::<Vec<&[Held]>>()
+    });
     let mut both = mine.iter().zip(&theirs);
     let paired = both.all(|(mine, theirs)| pair(mine, theirs));
     let found = difference.map(|_| apart([first, second], [&theirs, &mine], kind, paired));
@@ -155,12 +157,6 @@ fn moved(
         paired,
         reason,
     }
-}
-
-/// What a method was scored on, property by property.
-fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [Held]> {
-    let held = |property: &&String| run.outcomes.get(method, property);
-    properties.iter().map(held).collect()
 }
 
 /// Whether both are of the same surfaces with the same readings: rerun by rerun, or where one run

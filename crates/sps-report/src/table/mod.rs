@@ -4,8 +4,7 @@ mod cell;
 mod comma_separated;
 mod html;
 mod latex;
-mod markdown;
-mod terminal;
+mod text;
 
 use sps_metrics::holm;
 

@@ -6,7 +6,9 @@ use sps_metrics::{
 };
 
 use super::{naive, within};
-use crate::support::{assert_close, every_metric, merged, samples, training_mean, value};
+use crate::support::{
+    assert_close, every_metric, merged, not_finite, samples, training_mean, value,
+};
 
 #[test]
 fn constant_truth_is_named_where_rounding_hides_it() {
@@ -83,10 +85,8 @@ fn a_percentage_beyond_f64_is_out_of_range() {
 #[test]
 fn one_sample_has_errors_but_no_own_mean() {
     let one = samples(&[4.0], &[5.0]);
-    let too_few = Err(Undefined::TooFewSamples {
-        found: 1,
-        needed: 2,
-    });
+    let (found, needed) = (1, 2);
+    let too_few = Err(Undefined::TooFewSamples { found, needed });
     assert_eq!(one.r2_own_mean(), too_few);
     assert_eq!(one.spearman(), too_few);
     assert_eq!(value(&one.mae()), 1.0);
@@ -102,13 +102,7 @@ fn one_sample_has_errors_but_no_own_mean() {
 #[test]
 fn all_nan_is_named_by_every_score() {
     let nan = [f64::NAN; 9];
-    let reason = Err(Undefined::NonFinite {
-        quantity: Quantity::Truth,
-        index: 0,
-        kind: NonFiniteKind::Nan,
-        count: 9,
-        of: 9,
-    });
+    let reason = Err(not_finite(Quantity::Truth, 0, NonFiniteKind::Nan, [9, 9]));
     let scored = samples(&nan, &nan);
     for metric in every_metric(1.0) {
         assert_eq!(metric.score(scored), reason, "{metric:?}");
@@ -128,14 +122,8 @@ fn one_nan_in_a_merged_stream_is_found_where_it_is() {
         parts[i as usize / 1000].push(pair);
     }
     let sums = merged(&parts);
-    let reason = Err(Undefined::NonFinite {
-        quantity: Quantity::Truth,
-        index: 2345,
-        kind: NonFiniteKind::Nan,
-        count: 1,
-        of: 3000,
-    });
-    assert_eq!(sums.mae(), reason);
+    let reason = not_finite(Quantity::Truth, 2345, NonFiniteKind::Nan, [1, 3000]);
+    assert_eq!(sums.mae(), Err(reason));
     // Sorted by total order the NaN is last, and the median does not show it.
     let mut percent = vec![1.0, 2.0, 3.0, 4.0];
     percent.push(f64::NAN);

@@ -1,4 +1,6 @@
-//! Tables as Markdown.
+//! Tables as text: Markdown, and aligned for a terminal.
+
+use sps_experiment::text::aligned;
 
 use super::{Cell, Row, Table};
 
@@ -10,6 +12,14 @@ impl Table {
         let texts = |row: &Row| row.texts(Cell::to_string, |text| format!("*{text}*"));
         lines.extend(self.rows.iter().map(|row| line(&texts(row))));
         lines.join("\n")
+    }
+
+    /// Title and cells, without the caption.
+    pub fn terminal(&self) -> String {
+        let cells = |row: &Row| row.cells.iter().map(ToString::to_string).collect();
+        let mut lines: Vec<Vec<String>> = vec![self.columns.clone()];
+        lines.extend(self.rows.iter().map(cells));
+        format!("{}\n{}", self.title, aligned(&lines, |at| self.is_left(at)))
     }
 }
 
@@ -28,5 +38,19 @@ mod tests {
         assert!(text.contains("| [a] \\| b | – | 0.5 |"), "{text}");
         assert!(text.ends_with("| *Ceiling* | *0.33* |  |"), "{text}");
         assert!(text.starts_with("| Method | R² | paper |\n|---|---:|---:|\n"));
+    }
+
+    #[test]
+    fn numbers_stand_below_one_another() {
+        assert_eq!(
+            hard_cases().terminal(),
+            concat!(
+                "50 % of R² & more\n",
+                "  Method                                  R²  paper\n",
+                "  Ridge_1 & 5 %, \"wide\"  -0.25 [-0.50, 0.75]      –\n",
+                "  [a] | b                                  –    0.5\n",
+                "  Ceiling                               0.33\n",
+            )
+        );
     }
 }

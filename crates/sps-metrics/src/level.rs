@@ -60,11 +60,8 @@ impl From<Level> for f64 {
 pub(crate) fn steps(count: usize, share: f64) -> f64 {
     let product = count as f64 * share;
     let nearest = product.round();
-    if (product - nearest).abs() <= slack(product) {
-        nearest
-    } else {
-        product
-    }
+    let is_near = (product - nearest).abs() <= slack(product);
+    if is_near { nearest } else { product }
 }
 
 /// Whether a sum of fractions reaches what [`steps`] gave, as decimals have it: 9 + 9/10 reaches

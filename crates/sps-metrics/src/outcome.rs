@@ -185,10 +185,8 @@ impl std::fmt::Display for NonFiniteKind {
 
 /// The value if it is finite: sums that overflowed are caught here, once.
 pub(crate) fn in_range(value: f64) -> Result<f64, Undefined> {
-    value
-        .is_finite()
-        .then_some(value)
-        .ok_or(Undefined::OutOfRange)
+    let finite = value.is_finite().then_some(value);
+    finite.ok_or(Undefined::OutOfRange)
 }
 
 /// A score that rests on all of so many samples.

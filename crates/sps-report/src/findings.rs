@@ -107,9 +107,13 @@ mod tests {
             (0.25, 0.2, "it cannot be told apart from Ridge"),
             (-0.25, 0.01, "it is behind Ridge (-0.250)"),
         ] {
-            let (interval, p) = (None, Some(p));
+            let gain = Gain {
+                value,
+                interval: None,
+                p: Some(p),
+            };
             let gains = &mut results.methods[1].gains.r2_mean_gains;
-            gains.insert("ridge".to_owned(), Gain { value, interval, p });
+            gains.insert("ridge".to_owned(), gain);
             let expected = format!("Compared with others, {said}.");
             assert_eq!(of(&results)[1], expected);
         }

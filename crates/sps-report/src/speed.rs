@@ -74,11 +74,8 @@ fn settings(results: &Results, speed: &Speed) -> Table {
     methods.sort_by(|a, b| slowest(a).total_cmp(&slowest(b)));
     let rows = methods.into_iter().map(|method| {
         let (means, reruns) = (&method.means, &method.means.over_reruns);
-        let mark = if speed.front.contains(&method.id) {
-            ON_FRONT
-        } else {
-            ""
-        };
+        let is_on_front = speed.front.contains(&method.id);
+        let mark = if is_on_front { ON_FRONT } else { "" };
         let mut cells = vec![
             format!("{mark} {}", method.label).trim().into(),
             Cell::interval(means.r2_mean, means.r2_mean_interval, 3),

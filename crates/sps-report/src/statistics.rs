@@ -87,15 +87,10 @@ pub fn donut(materials: &[(String, usize)]) -> String {
         .with_tooltips();
     for (index, (label, count)) in materials.iter().enumerate() {
         let share = 100.0 * *count as f64 / total.max(1) as f64;
-        donut = donut.with_slice(
-            format!("{label} {share:.1} %"),
-            *count as f64,
-            if label == OTHER {
-                GREY.to_owned()
-            } else {
-                colours[index % colours.len()].to_owned()
-            },
-        );
+        let own = &colours[index % colours.len()];
+        let colour = if label == OTHER { GREY } else { own };
+        let label = format!("{label} {share:.1} %");
+        donut = donut.with_slice(label, *count as f64, colour);
     }
     let plots = vec![Plot::Pie(donut)];
     let layout = Layout::auto_from_plots(&plots)

@@ -24,20 +24,15 @@ pub(super) fn mark(results: &Results, at: usize) -> &'static str {
 /// those that look at a photograph.
 pub fn summary(results: &Results) -> Table {
     let percentages = results.has_percentages();
-    let mae = if results.shared_unit().is_some() {
-        "MAE"
-    } else {
-        "MAE / std"
-    };
+    let has_unit = results.shared_unit().is_some();
+    let mae = if has_unit { "MAE" } else { "MAE / std" };
     let mut columns = vec!["method", "R²", mae];
     columns.extend(percentages.then_some("% error"));
     columns.extend(["frames", "ms per surface", ""]);
     let rows = results.methods.iter().enumerate().map(|(at, method)| {
         let (means, costs) = (&method.means, &method.costs);
-        let error = match mae {
-            "MAE" => means.mae_mean,
-            _ => means.mae_over_std_mean,
-        };
+        let over_std = means.mae_over_std_mean;
+        let error = if has_unit { means.mae_mean } else { over_std };
         let percent = Cell::number(means.median_percent_error_mean, 1);
         let mut cells = vec![
             method.id.as_str().into(),

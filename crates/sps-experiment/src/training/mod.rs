@@ -117,11 +117,9 @@ fn seconds(folder: &Path) -> Result<Option<f64>> {
     if folder.join(ENCODER).exists() {
         return Ok(None);
     }
-    let Some(text) = checksums::read(&folder.join(SECONDS))? else {
-        return Ok(None);
-    };
-    let seconds = serde_json::from_slice(&text).context("the seconds of a training")?;
-    Ok(Some(seconds))
+    let text = checksums::read(&folder.join(SECONDS))?;
+    let seconds = text.map(|text| serde_json::from_slice(&text));
+    seconds.transpose().context("the seconds of a training")
 }
 
 impl Task<'_> {

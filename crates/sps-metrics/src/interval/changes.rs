@@ -89,11 +89,8 @@ impl Sums {
     /// The sum of squares about the mean.
     fn about_mean(self) -> f64 {
         let rest = self.squares - self.deviations * self.deviations / self.count;
-        if rest > ROUNDING * self.squares {
-            rest
-        } else {
-            0.0
-        }
+        let varies = rest > ROUNDING * self.squares;
+        if varies { rest } else { 0.0 }
     }
 }
 

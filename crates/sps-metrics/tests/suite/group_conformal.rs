@@ -211,8 +211,10 @@ fn residuals_and_groups_pair_up_and_are_finite() {
     let found = found.expect("two groups");
     assert_eq!((found.radius, found.groups, found.level), (1.0, 2, half));
 
-    let (samples, groups) = (3, 2);
-    let reason = ConformalError::GroupMismatch { samples, groups };
+    let reason = ConformalError::GroupMismatch {
+        samples: 3,
+        groups: 2,
+    };
     let refused = GroupConformal::from_residuals(&residuals, &[4, 4], half);
     assert_eq!(refused, Err(reason));
     let refused = GroupConformal::from_residuals(&[], &[], half);

@@ -14,8 +14,11 @@ fn scored<'a>(metric: Metric, truth: &'a [f64], estimate: &'a [f64]) -> Scored<'
 
 /// Of samples that come from these units.
 fn by_units(units: &[usize], scored: Scored<'_>) -> ScoreInterval {
-    let units = Some(units);
-    let found = OF_MODELS.interval(&[Scored { units, ..scored }]);
+    let scored = Scored {
+        units: Some(units),
+        ..scored
+    };
+    let found = OF_MODELS.interval(&[scored]);
     found.expect("two units or more")
 }
 
@@ -345,12 +348,17 @@ fn what_has_no_interval_says_why() {
     let constant = scored(Metric::R2OwnMean, &[4.0; 3], &estimate);
     let alone = scored(Metric::R2OwnMean, &[4.0, 4.0, 5.0], &estimate);
     let unequal = scored(Metric::Mae, &truth, &estimate[..2]);
-    let (samples, units) = (3, 2);
-    let (truths, estimates) = (3, 2);
-    let unequal_lengths = Undefined::LengthMismatch { truths, estimates };
+    let unequal_lengths = Undefined::LengthMismatch {
+        truths: 3,
+        estimates: 2,
+    };
+    let unequal_units = IntervalError::UnitMismatch {
+        samples: 3,
+        units: 2,
+    };
     for (scored, reason) in [
         (one_unit, IntervalError::OneUnit),
-        (unpaired, IntervalError::UnitMismatch { samples, units }),
+        (unpaired, unequal_units),
         (constant, Undefined::ConstantTruth { value: 4.0 }.into()),
         (alone, IntervalError::OneUnit),
         (unequal, unequal_lengths.into()),

@@ -16,8 +16,10 @@ fn assert_refused(samples: Samples<'_>, reason: Undefined) {
 #[test]
 fn empty_and_unequal_sets_are_refused_by_every_metric() {
     assert_refused(samples(&[], &[]), Undefined::Empty);
-    let (truths, estimates) = (2, 1);
-    let reason = Undefined::LengthMismatch { truths, estimates };
+    let reason = Undefined::LengthMismatch {
+        truths: 2,
+        estimates: 1,
+    };
     assert_refused(samples(&[1.0, 2.0], &[1.0]), reason);
 }
 

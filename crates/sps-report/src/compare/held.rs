@@ -41,11 +41,8 @@ impl Outcomes {
                     one.method, one.property, one.rerun
                 )
             })?;
-            let unit = if one.group.is_empty() {
-                &one.surface
-            } else {
-                &one.group
-            };
+            let is_alone = one.group.is_empty();
+            let unit = if is_alone { &one.surface } else { &one.group };
             let next = numbers.len();
             let number = *numbers.entry(unit.clone()).or_insert(next);
             units.insert(one.surface.clone(), number);

@@ -219,10 +219,12 @@ fn judged(kind: Kind, all: &[&[Held]], units: &Outcomes) -> Vec<Judged> {
 
 fn scored(kind: Kind, all: &[Judged]) -> Result<Vec<Scored<'_>>, IntervalError> {
     let scored = all.iter().map(|judged| {
-        let (truth, estimate) = (&judged.truth, &judged.estimate);
         Ok(Scored {
             metric: kind.metric()?,
-            samples: Samples { truth, estimate },
+            samples: Samples {
+                truth: &judged.truth,
+                estimate: &judged.estimate,
+            },
             units: Some(&judged.units),
             rerun: judged.rerun,
         })

@@ -134,14 +134,13 @@ fn scattered(results: &Results, points: &[&Point]) -> ScatterPlot {
         let (r2, [low, high]) = (1.0 - point.error, interval(results, point));
         (high - r2, r2 - low)
     };
-    let hover = points.iter().map(|point| hover(results, point));
     ScatterPlot::new()
         .with_data(points.iter().map(|p| (1e3 * p.seconds, p.error)))
         .with_y_err_asymmetric(points.iter().map(whisker))
         .with_size(4.0)
         .with_marker_opacity(0.85)
         .with_tooltips()
-        .with_tooltip_labels(hover.collect::<Vec<_>>())
+        .with_tooltip_labels(points.iter().map(|point| hover(results, point)))
 }
 
 const SHAPES: [MarkerShape; 4] = [

@@ -50,11 +50,8 @@ fn variance_at_1e8_survives_any_order() {
     let mut worst = exact.variance();
     let further = |one: f64, other: f64| {
         let error = |variance| relative_error(variance, exact.variance());
-        if error(one) > error(other) {
-            one
-        } else {
-            other
-        }
+        let is_worse = error(one) > error(other);
+        if is_worse { one } else { other }
     };
     for _ in 0..8 {
         truth.rotate_left(511);

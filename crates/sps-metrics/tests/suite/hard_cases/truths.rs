@@ -85,8 +85,10 @@ fn a_percentage_beyond_f64_is_out_of_range() {
 #[test]
 fn one_sample_has_errors_but_no_own_mean() {
     let one = samples(&[4.0], &[5.0]);
-    let (found, needed) = (1, 2);
-    let too_few = Err(Undefined::TooFewSamples { found, needed });
+    let too_few = Err(Undefined::TooFewSamples {
+        found: 1,
+        needed: 2,
+    });
     assert_eq!(one.r2_own_mean(), too_few);
     assert_eq!(one.spearman(), too_few);
     assert_eq!(value(&one.mae()), 1.0);

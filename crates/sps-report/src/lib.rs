@@ -48,19 +48,22 @@ pub use tables::{gained, tables};
 /// # Errors
 /// Results that cannot be read; a file that cannot be written.
 pub fn write(folder: &RunFolder) -> Result<()> {
-    let written = write_files(folder.path())?;
-    folder.seal(written)
+    folder.seal(write_files(folder.path())?)
 }
 
-/// The names of all files of the report, in the folder of the run.
+/// Writes the files of the report into the folder of the run; their names.
 fn write_files(folder: &Path) -> Result<Vec<String>> {
     let results = Results::read(folder)?;
     let shown = shown(&results);
     let is_shown = |id: &str| shown.iter().any(|method| method.id == id);
     let predictions = predictions::of_methods(folder, is_shown)?;
-    let estimates = shown
-        .iter()
-        .map(|method| Estimates::of(method, &predictions));
+    let estimates = shown.into_iter().map(|method| {
+        let predictions = predictions.iter().filter(|one| one.method == method.id);
+        Estimates {
+            method,
+            predictions: predictions.collect(),
+        }
+    });
     let estimates: Vec<Estimates<'_>> = estimates.collect();
     let figures = figures(&results, &estimates);
     let tables = tables(&results);
@@ -87,16 +90,6 @@ fn write_files(folder: &Path) -> Result<Vec<String>> {
 struct Estimates<'a> {
     method: &'a MethodResult,
     predictions: Vec<&'a Prediction>,
-}
-
-impl<'a> Estimates<'a> {
-    fn of(method: &'a MethodResult, all: &'a [Prediction]) -> Self {
-        let predictions = all.iter().filter(|one| one.method == method.id).collect();
-        Self {
-            method,
-            predictions,
-        }
-    }
 }
 
 const WITH_INTERVALS: usize = 5;

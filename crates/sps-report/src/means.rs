@@ -93,7 +93,7 @@ pub(super) fn table(results: &Results) -> Table {
             cells.push((mean.measured)(method));
             let printed = mean.printed.filter(|_| compared);
             let nothing = || Cell::number(None, 0);
-            cells.extend(printed.map(|printed| paper.as_ref().map_or_else(nothing, printed)));
+            cells.extend(printed.map(|printed| paper.map_or_else(nothing, printed)));
         }
         cells.push(speed::in_milliseconds(
             method.costs.predict_seconds_per_surface,

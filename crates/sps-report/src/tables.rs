@@ -154,7 +154,7 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
         let label = method.label.clone();
         rows.push(Row::measured(line(label, &value, mean)));
         let paper = printed(results, method);
-        let paper = paper.as_ref().zip(shown.printed).map(|(row, of)| of(row));
+        let paper = paper.zip(shown.printed).map(|(row, of)| of(row));
         if let Some((values, mean)) = paper.filter(|(values, _)| !values.is_empty()) {
             let value = |property: &String| values.get(property).copied();
             let label = format!("{}, printed in the paper", method.label);
@@ -218,7 +218,7 @@ fn costs_caption(results: &Results) -> String {
 }
 
 /// The paper's row beside a method, where it may stand there.
-pub(super) fn printed(results: &Results, method: &MethodResult) -> Option<PaperRow> {
+pub(super) fn printed(results: &Results, method: &MethodResult) -> Option<&'static PaperRow> {
     let name = method.paper.as_deref();
     name.filter(|_| results.dataset.is_after_the_paper())
         .and_then(paper::row)

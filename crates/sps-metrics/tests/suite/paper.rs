@@ -26,11 +26,10 @@ fn printed(method: &Value, key: &str) -> f64 {
 }
 
 fn scores(tables: &Table, method: &Value, key: &str) -> Vec<PropertyScore> {
-    let values = method[key].as_array().expect("a list of numbers");
-    let named = names(tables, "properties").into_iter().zip(values);
-    let scores = named.map(|(property, value)| PropertyScore {
+    let scores = names(tables, "properties").into_iter();
+    let scores = scores.map(|property| PropertyScore {
+        value: Ok(printed(&method[key], &property)),
         property,
-        value: Ok(value.as_float().expect("a number")),
     });
     let scores: Vec<PropertyScore> = scores.collect();
     assert_eq!(scores.len(), 15);

@@ -70,22 +70,16 @@ fn gain(
     if method.row.id == other.row.id {
         return None;
     }
-    let pairs: Vec<Pair<'_>> = method
-        .outcomes
-        .iter()
-        .filter_map(|(property, mine)| Some((mine, other.outcomes.get(property)?)))
-        .flat_map(|(mine, theirs)| mine.iter().zip(theirs).enumerate())
-        .filter_map(|(rerun, (mine, theirs))| {
+    let mut pairs = Vec::new();
+    for (property, mine) in &method.outcomes {
+        let theirs = other.outcomes.get(property).into_iter().flatten();
+        for (mine, theirs) in mine.iter().zip(theirs) {
             let sides = mine.common(theirs);
-            let units = scoring.units_of(&sides[0]);
-            let scored = sides.iter().all(Judged::has_r2);
-            scored.then_some(Pair {
-                rerun,
-                sides,
-                units,
-            })
-        })
-        .collect();
+            if sides.iter().all(Judged::has_r2) {
+                pairs.push(sides);
+            }
+        }
+    }
     let what = format!("the interval of the gain over {}", other.row.label);
     let found = notes.found(&what, difference(&pairs, scoring));
     Some(Gain {
@@ -95,27 +89,22 @@ fn gain(
     })
 }
 
+/// Two methods' estimates in one rerun, on the surfaces that both have; both have an R².
+type Pair<'a> = [Judged<'a>; 2];
+
 fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
-    let scores = |at: usize| {
-        let scores = pairs.iter().map(|pair| pair.sides[at].score(Kind::R2));
+    let scores = |side: usize| {
+        let scores = pairs.iter().map(|pair| pair[side].score(Kind::R2));
         let scores = scores.map(|score| score.map(|score| score.value));
         over_reruns(scores).mean.ok()
     };
     Some(scores(0)? - scores(1)?)
 }
 
-/// Two methods' estimates in one rerun, on the surfaces that both have; both have an R².
-struct Pair<'a> {
-    rerun: usize,
-    sides: [Judged<'a>; 2],
-    units: Vec<usize>,
-}
-
 fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {
-    let side = |at: usize| {
-        let scored = pairs
-            .iter()
-            .map(|pair| pair.sides[at].scored(Reference::Training, &pair.units, pair.rerun));
+    let side = |side: usize| {
+        let pairs = pairs.iter();
+        let scored = pairs.map(|pair| pair[side].scored(Reference::Training));
         scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()
     };
     scoring.intervals.difference(&side(0)?, &side(1)?)

@@ -1,6 +1,6 @@
 //! The outcome of one trial, as it is scored: that of one split, or those of all folds of a rerun.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use sps_metrics::{Metric, Outcome, Samples, Scored, TrainingMean, Undefined};
 
@@ -14,15 +14,17 @@ use crate::journal::{self, Stop};
 /// training failed have no estimates, and the others are scored without them.
 #[derive(Clone)]
 pub(crate) struct Judged<'a> {
+    rerun: usize,
     /// All of them, those that failed too.
-    pub folds: Vec<&'a journal::Outcome>,
+    pub folds: &'a [journal::Outcome],
     /// How many of them are scored.
     scored: usize,
-    surfaces: Vec<String>,
-    truth: Vec<f64>,
-    estimate: Vec<f64>,
-    /// Truth, estimate and training mean that R² is computed from.
-    about_training: About,
+    surfaces: Vec<&'a str>,
+    /// The unit of each surface, by its number: what is alike.
+    units: Vec<usize>,
+    values: Values,
+    /// What R² about the training mean is computed from, with that mean.
+    about_training: (Values, f64),
 }
 
 /// What R² is about.
@@ -34,44 +36,68 @@ pub(super) enum Reference {
     HeldOut,
 }
 
-/// Values with the mean that they are judged about.
+/// Of each surface.
 #[derive(Clone)]
-struct About {
+struct Values {
     truth: Vec<f64>,
     estimate: Vec<f64>,
-    mean: f64,
+}
+
+impl Values {
+    /// The values of folds, less a number for each fold.
+    fn of(folds: &[&journal::Outcome], less: fn(&journal::Outcome) -> f64) -> Self {
+        let values = |of: fn(&journal::Outcome) -> &Vec<f64>| {
+            let folds = folds.iter();
+            let values = folds.flat_map(|&fold| of(fold).iter().map(move |x| x - less(fold)));
+            values.collect()
+        };
+        Self {
+            truth: values(|fold| &fold.truth),
+            estimate: values(|fold| &fold.estimate),
+        }
+    }
+
+    fn at(&self, kept: &[usize]) -> Self {
+        let some = |values: &[f64]| kept.iter().map(|&at| values[at]).collect();
+        Self {
+            truth: some(&self.truth),
+            estimate: some(&self.estimate),
+        }
+    }
+
+    fn samples(&self) -> Samples<'_> {
+        Samples {
+            truth: &self.truth,
+            estimate: &self.estimate,
+        }
+    }
 }
 
 impl<'a> Judged<'a> {
-    /// `None` where there is no fold.
-    pub(crate) fn of(all: &[&'a journal::Outcome]) -> Option<Self> {
-        all.first()?;
-        let folds = all.iter().copied().filter(|fold| fold.failed.is_none());
-        let folds: Vec<_> = folds.collect();
-        let (less_mean, mean) = match folds.as_slice() {
-            [one] => (false, one.training_mean),
-            _ => (true, 0.0),
+    /// Of all folds of a rerun; `units` has the unit of each surface, by the surface's name.
+    pub(crate) fn of(
+        rerun: usize,
+        folds: &'a [journal::Outcome],
+        units: &HashMap<String, usize>,
+    ) -> Self {
+        let scored = folds.iter().filter(|fold| fold.failed.is_none());
+        let scored: Vec<_> = scored.collect();
+        let values = Values::of(&scored, |_| 0.0);
+        let about_training = match scored.as_slice() {
+            [one] => (values.clone(), one.training_mean),
+            _ => (Values::of(&scored, |fold| fold.training_mean), 0.0),
         };
-        let values = |of: fn(&journal::Outcome) -> &Vec<f64>, less_mean: bool| -> Vec<f64> {
-            let values = folds.iter().flat_map(|fold| {
-                let mean = if less_mean { fold.training_mean } else { 0.0 };
-                of(fold).iter().map(move |value| value - mean)
-            });
-            values.collect()
-        };
-        let surfaces = folds.iter().flat_map(|fold| fold.surfaces.iter().cloned());
-        Some(Self {
-            folds: all.to_vec(),
-            scored: folds.len(),
-            surfaces: surfaces.collect(),
-            truth: values(|fold| &fold.truth, false),
-            estimate: values(|fold| &fold.estimate, false),
-            about_training: About {
-                truth: values(|fold| &fold.truth, less_mean),
-                estimate: values(|fold| &fold.estimate, less_mean),
-                mean,
-            },
-        })
+        let surfaces = scored.iter().flat_map(|fold| &fold.surfaces);
+        let unit = |name: &String| units.get(name).copied().unwrap_or(usize::MAX);
+        Self {
+            rerun,
+            folds,
+            scored: scored.len(),
+            units: surfaces.clone().map(unit).collect(),
+            surfaces: surfaces.map(String::as_str).collect(),
+            values,
+            about_training,
+        }
     }
 
     /// Whether there is nothing to score, because all training failed.
@@ -79,12 +105,12 @@ impl<'a> Judged<'a> {
         self.scored == 0
     }
 
-    pub(crate) fn surfaces(&self) -> &[String] {
+    pub(super) fn surfaces(&self) -> &[&'a str] {
         &self.surfaces
     }
 
-    pub(super) fn truth(&self) -> &[f64] {
-        &self.truth
+    pub(super) fn units(&self) -> &[usize] {
+        &self.units
     }
 
     pub(super) fn stops(&self) -> impl Iterator<Item = Stop> + '_ {
@@ -92,81 +118,65 @@ impl<'a> Judged<'a> {
     }
 
     pub(super) fn samples(&self) -> Samples<'_> {
-        Samples {
-            truth: &self.truth,
-            estimate: &self.estimate,
-        }
+        self.values.samples()
     }
 
     /// R² is about the mean of the training part.
     pub(super) fn score(&self, kind: Kind) -> Outcome {
-        match kind {
-            Kind::R2 => self.r2_metric()?.score(self.r2_samples()),
-            kind => kind.metric()?.score(self.samples()),
-        }
+        let (metric, samples) = match kind {
+            Kind::R2 => self.r2(Reference::Training)?,
+            kind => (kind.metric()?, self.samples()),
+        };
+        metric.score(samples)
     }
 
     pub(super) fn has_r2(&self) -> bool {
         !self.is_empty() && self.score(Kind::R2).is_ok()
     }
 
-    fn r2_metric(&self) -> Result<Metric, Undefined> {
-        Ok(Metric::R2(TrainingMean::new(self.about_training.mean)?))
-    }
-
-    fn r2_samples(&self) -> Samples<'_> {
-        Samples {
-            truth: &self.about_training.truth,
-            estimate: &self.about_training.estimate,
-        }
-    }
-
-    /// As R² of a rerun, about the mean of the training part or that of the surfaces held out;
-    /// `units` are those of its surfaces.
-    pub(super) fn scored<'o>(
-        &'o self,
-        about: Reference,
-        units: &'o [usize],
-        rerun: usize,
-    ) -> Result<Scored<'o>, Undefined> {
-        let (metric, samples) = match about {
-            Reference::Training => (self.r2_metric()?, self.r2_samples()),
+    /// R² as a metric, and what it is computed from.
+    fn r2(&self, about: Reference) -> Result<(Metric, Samples<'_>), Undefined> {
+        Ok(match about {
+            Reference::Training => {
+                let (values, mean) = &self.about_training;
+                (Metric::R2(TrainingMean::new(*mean)?), values.samples())
+            }
             Reference::HeldOut => (Metric::R2OwnMean, self.samples()),
-        };
+        })
+    }
+
+    /// As R² of a rerun, about the mean of the training part or that of the surfaces held out.
+    pub(super) fn scored(&self, about: Reference) -> Result<Scored<'_>, Undefined> {
+        let (metric, samples) = self.r2(about)?;
         Ok(Scored {
             metric,
             samples,
-            units: Some(units),
-            rerun,
+            units: Some(&self.units),
+            rerun: self.rerun,
         })
     }
 
     /// Both on the surfaces that both have, in the same order.
-    pub(super) fn common<'o>(&'o self, other: &'o Self) -> [Judged<'o>; 2] {
+    pub(super) fn common(&self, other: &Self) -> [Self; 2] {
         if self.surfaces == other.surfaces {
             return [self.clone(), other.clone()];
         }
-        let mine: HashSet<&String> = self.surfaces.iter().collect();
-        let theirs: HashSet<&String> = other.surfaces.iter().collect();
-        [self.among(&theirs), other.among(&mine)]
+        [self.among(&other.surfaces), other.among(&self.surfaces)]
     }
 
-    fn among(&self, names: &HashSet<&String>) -> Judged<'_> {
-        let kept = self.surfaces.iter().enumerate();
-        let kept = kept.filter(|(_, name)| names.contains(name));
-        let kept: Vec<usize> = kept.map(|(at, _)| at).collect();
-        let some = |values: &[f64]| kept.iter().map(|&at| values[at]).collect();
-        Judged {
-            folds: self.folds.clone(),
+    fn among(&self, names: &[&str]) -> Self {
+        let names: HashSet<&str> = names.iter().copied().collect();
+        let kept = (0..self.surfaces.len()).filter(|&at| names.contains(self.surfaces[at]));
+        let kept: Vec<usize> = kept.collect();
+        let (about_training, mean) = &self.about_training;
+        Self {
+            rerun: self.rerun,
+            folds: self.folds,
             scored: self.scored,
-            surfaces: kept.iter().map(|&at| self.surfaces[at].clone()).collect(),
-            truth: some(&self.truth),
-            estimate: some(&self.estimate),
-            about_training: About {
-                truth: some(&self.about_training.truth),
-                estimate: some(&self.about_training.estimate),
-                mean: self.about_training.mean,
-            },
+            surfaces: kept.iter().map(|&at| self.surfaces[at]).collect(),
+            units: kept.iter().map(|&at| self.units[at]).collect(),
+            values: self.values.at(&kept),
+            about_training: (about_training.at(&kept), *mean),
         }
     }
 }

@@ -57,35 +57,34 @@ impl Means {
         scoring: &Scoring<'_>,
         notes: &mut Notes,
     ) -> Self {
-        let listed = |values| listed(values, scoring.properties);
-        let percent = self::listed(&scores.median_percent_error, scoring.with_percentages);
+        let mean = |values| mean_over_all(&listed(values, scoring.properties));
+        let percent = listed(&scores.median_percent_error, scoring.with_percentages);
         let named = Some(scoring.top8).filter(|named| !named.is_empty());
         let best8 = named.map(|named| mean_over_best(&percent, named.len(), Better::Lower));
         let top8 = named.map(|named| mean_over_named(&percent, named));
         let of_percent = (!percent.is_empty()).then(|| mean_over_all(&percent));
         let mut whole = |what, mean: Option<PropertyMean>| notes.whole_mean(what, mean?);
         let median_percent_error_top8 = whole("top-8 median % error", top8);
-        let names = best8.iter().flat_map(|best| best.properties.clone());
-        let names = names.collect();
+        let names = best8.as_ref().map(|best| best.properties.clone());
         let median_percent_error_best8 = whole("best-8 median % error", best8);
-        let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
-        let interval = interval_over(method.numbered(), scoring, Reference::Training);
+        let r2_mean = notes.mean("mean R²", mean(&scores.r2));
+        let interval = interval_over(method.trials(), scoring, Reference::Training);
         let own_interval = scoring.own_mean_interval.then(|| {
-            let interval = interval_over(method.numbered(), scoring, Reference::HeldOut);
+            let interval = interval_over(method.trials(), scoring, Reference::HeldOut);
             notes.interval("the interval of mean R² about own mean", interval)
         });
         Self {
             r2_mean,
             r2_mean_interval: notes.interval("the interval of mean R²", interval),
-            r2_own_mean_mean: mean_over_all(&listed(&scores.r2_own_mean)).value.ok(),
+            r2_own_mean_mean: mean(&scores.r2_own_mean).value.ok(),
             r2_own_mean_mean_interval: own_interval.flatten(),
-            mae_mean: notes.mean("mean MAE", mean_over_all(&listed(&scores.mae))),
-            mae_over_std_mean: mean_over_all(&listed(&scores.mae_over_std)).value.ok(),
-            spearman_mean: mean_over_all(&listed(&scores.spearman)).value.ok(),
+            mae_mean: notes.mean("mean MAE", mean(&scores.mae)),
+            mae_over_std_mean: mean(&scores.mae_over_std).value.ok(),
+            spearman_mean: mean(&scores.spearman).value.ok(),
             median_percent_error_mean: of_percent
                 .and_then(|mean| notes.mean("mean median % error", mean)),
             median_percent_error_top8,
-            best8: names,
+            best8: names.unwrap_or_default(),
             median_percent_error_best8,
             over_reruns: Ranges::of(method, scoring),
         }

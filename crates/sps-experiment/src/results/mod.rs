@@ -1,13 +1,11 @@
 //! `results.json`: what an experiment measured. Keys are only ever added.
 
-mod adaptive;
 mod costs;
 mod gains;
 mod intervals;
 mod judged;
 mod means;
 mod notes;
-mod provenance;
 #[cfg(test)]
 mod schema;
 mod score;
@@ -21,14 +19,11 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 
-pub use adaptive::AdaptiveResult;
 pub use costs::Costs;
 pub use gains::{Gain, Gains};
-pub use intervals::GivenIntervals;
+pub use intervals::{AdaptiveResult, GivenIntervals};
 pub(crate) use judged::Judged;
 pub use means::Means;
-pub use provenance::Provenance;
-pub(crate) use provenance::SCHEMA;
 pub(crate) use score::{MethodOutcomes, Scoring, score};
 pub use scores::{Kind, PropertyScores};
 pub use speed::Speed;
@@ -41,6 +36,37 @@ pub type PerProperty<T> = BTreeMap<String, T>;
 
 /// A value, or `null` with its reason in the notes.
 pub type Number = Option<f64>;
+
+/// The version of `results.json`: it rises when keys are added, which is all that ever happens.
+pub(crate) const SCHEMA: u32 = 4;
+
+/// At the top of `results.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Provenance {
+    /// Version of this file: it rises when keys are added, which is all that ever happens.
+    pub schema: u32,
+    /// Hash of the sources that decide what a trial comes to, and of `Cargo.lock`. Trials of
+    /// other sources are computed again.
+    pub source_hash: String,
+    /// BLAKE3 of `config.toml` in the folder of the run: the config with its defaults and all that
+    /// was set on the command line.
+    pub config_hash: String,
+    /// BLAKE3 of the data: of each surface its name, group, material, averaged readings and
+    /// the frame straight down, and the roll angles of the views.
+    pub data_hash: String,
+    /// Keys every random stream of the experiment.
+    pub seed: u64,
+    /// Seed of the simulated surfaces; `null` where the data is on disk.
+    pub data_seed: Option<u64>,
+    /// Model of the processor.
+    pub cpu: String,
+    /// Threads that computed; no result but times and memory depends on them.
+    pub threads: usize,
+    /// What the encoders of the methods compute in. Everything after an encoder is in f32, the
+    /// scores in f64.
+    pub precision: Vec<String>,
+}
 
 /// The whole of `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

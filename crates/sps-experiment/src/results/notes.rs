@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use sps_metrics::{IntervalError, PropertyMean, RerunSummary, ScoreInterval};
+use sps_metrics::{IntervalError, PropertyMean, ScoreInterval};
 
 use super::{MethodOutcomes, Number};
 
@@ -24,13 +24,6 @@ impl Notes {
 
     pub(super) fn add(&mut self, what: &str, reason: &dyn Display) {
         self.lines.push(format!("{what}: {reason}"));
-    }
-
-    pub(super) fn reruns(&mut self, what: &str, summary: RerunSummary) -> RerunSummary {
-        for (rerun, reason) in &summary.left_out {
-            self.add(&format!("{what}, rerun {rerun}"), reason);
-        }
-        summary
     }
 
     pub(super) fn mean(&mut self, what: &str, mean: PropertyMean) -> Number {

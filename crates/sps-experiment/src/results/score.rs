@@ -1,6 +1,6 @@
 //! From outcomes of trials to the numbers of one method.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
 use sps_metrics::Intervals;
 
@@ -22,19 +22,9 @@ pub(crate) struct Scoring<'a> {
     pub deviations: &'a PerProperty<f64>,
     /// Whether R² about the mean of the surfaces held out has an interval.
     pub own_mean_interval: bool,
-    /// The unit of each surface, by the surface's name: what is alike.
-    pub units: &'a HashMap<String, usize>,
     /// The paper's fixed list; empty for data that is not the paper's or simulated after it.
     pub top8: &'a [String],
     pub intervals: Intervals,
-}
-
-impl Scoring<'_> {
-    /// The number of the unit of each surface that a trial was scored on.
-    pub(super) fn units_of(&self, judged: &Judged<'_>) -> Vec<usize> {
-        let unit = |name: &String| self.units.get(name).copied().unwrap_or(usize::MAX);
-        judged.surfaces().iter().map(unit).collect()
-    }
 }
 
 pub(crate) struct MethodOutcomes<'a> {
@@ -53,14 +43,7 @@ impl<'a> MethodOutcomes<'a> {
 
     /// What became of each fold of these.
     pub(super) fn all_folds(&self) -> impl Iterator<Item = &'a Outcome> {
-        self.trials()
-            .flat_map(|judged| judged.folds.iter().copied())
-    }
-
-    /// Those of all properties, each with its rerun.
-    pub(super) fn numbered(&self) -> impl Iterator<Item = (usize, &Judged<'a>)> {
-        let of_property = self.outcomes.values();
-        of_property.flat_map(|outcomes| outcomes.iter().enumerate())
+        self.trials().flat_map(|judged| judged.folds)
     }
 }
 
@@ -78,19 +61,19 @@ pub(crate) fn score(
     let mut scores = PropertyScores::of(method, scoring, &mut notes);
     let gains = Gains::of(method, methods, against, scoring, &mut notes);
     scores.r2_interval = intervals(method, scoring, &mut notes);
-    let (held_out_surfaces, held_out_units) = held_out(method, scoring);
+    let surfaces: BTreeSet<_> = method.trials().flat_map(Judged::surfaces).collect();
+    let units: BTreeSet<_> = method.trials().flat_map(Judged::units).collect();
     let (mut selected_views, mut training_means) = (PerProperty::new(), PerProperty::new());
     for (property, outcomes) in &method.outcomes {
-        let folds = outcomes.iter().flat_map(|judged| &judged.folds);
+        let folds = outcomes.iter().flat_map(|judged| judged.folds);
         let means = folds.clone().map(|fold| fold.training_mean);
         training_means.insert(property.clone(), means.collect());
         let views = folds.map(|fold| fold.views.clone());
         selected_views.insert(property.clone(), views.collect());
     }
-    let adaptive = method.adaptive;
     MethodResult {
-        held_out_surfaces,
-        held_out_units,
+        held_out_surfaces: surfaces.len(),
+        held_out_units: units.len(),
         means: Means::of(&scores, method, scoring, &mut notes),
         scores,
         gains,
@@ -98,7 +81,7 @@ pub(crate) fn score(
             train_seconds: method.all_folds().map(|fold| fold.train_seconds).sum(),
             ..method.row.costs
         },
-        adaptive: adaptive.and_then(|asked| AdaptiveResult::of(method, asked)),
+        adaptive: AdaptiveResult::of(method),
         intervals: GivenIntervals::of(method, scoring),
         training_means,
         training_losses: training_losses(method),
@@ -120,13 +103,6 @@ fn training_losses(method: &MethodOutcomes<'_>) -> Vec<f64> {
     (0..epochs).map(mean).collect()
 }
 
-fn held_out(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> (usize, usize) {
-    let surfaces = method.trials().flat_map(|judged| judged.surfaces().iter());
-    let surfaces: BTreeSet<&String> = surfaces.collect();
-    let units = surfaces.iter().filter_map(|name| scoring.units.get(*name));
-    (surfaces.len(), units.collect::<BTreeSet<_>>().len())
-}
-
 #[cfg(test)]
 mod tests {
     use sps_metrics::Level;
@@ -134,35 +110,36 @@ mod tests {
     use super::*;
     use crate::journal::TrialKey;
 
+    const FAILED: &str = "the loss is inf in epoch 3";
+
     /// Of four surfaces, each estimate off by `error`; a failed one where there is none.
     fn outcome(rerun: usize, error: Option<f64>) -> Outcome {
-        let truth = vec![1.0, 2.0, 3.0, 6.0];
-        let estimated = error.is_some();
-        let some = |values: Vec<f64>| if estimated { values } else { Vec::new() };
+        let failed = error.is_none().then(|| FAILED.to_owned());
+        let surfaces = error.map(|_| ["a", "b", "c", "d"].map(str::to_owned).to_vec());
+        let truth = error.map(|_| vec![1.0, 2.0, 3.0, 6.0]).unwrap_or_default();
         let estimate = truth.iter().map(|truth| truth + error.unwrap_or(0.0));
-        let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
         Outcome {
             key: TrialKey(rerun.to_string()),
             method: "one".to_owned(),
             property: "fRS".to_owned(),
             rerun,
             training_mean: 3.0,
-            surfaces: if estimated { names } else { Vec::new() },
-            estimate: some(estimate.collect()),
-            truth: some(truth),
+            surfaces: surfaces.unwrap_or_default(),
+            estimate: estimate.collect(),
+            truth,
             views: vec![0],
             train_seconds: 1.0,
-            failed: error
-                .is_none()
-                .then(|| "the loss is inf in epoch 3".to_owned()),
+            failed,
             ..Outcome::default()
         }
     }
 
     fn method<'a>(id: &str, outcomes: &'a [Outcome], of_rerun: usize) -> MethodOutcomes<'a> {
-        let outcomes: Vec<&Outcome> = outcomes.iter().collect();
-        let reruns = outcomes.chunks(of_rerun).filter_map(Judged::of);
-        let judged: Vec<Judged<'_>> = reruns.collect();
+        let names = ["a", "b", "c", "d"].map(str::to_owned);
+        let units = names.into_iter().zip(0..).collect();
+        let reruns = outcomes.chunks(of_rerun).enumerate();
+        let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, &units));
+        let judged: Vec<Judged<'_>> = judged.collect();
         MethodOutcomes {
             row: MethodResult {
                 id: id.to_owned(),
@@ -176,8 +153,6 @@ mod tests {
     }
 
     fn scored(methods: &[MethodOutcomes<'_>]) -> Vec<MethodResult> {
-        let names = ["a", "b", "c", "d"].iter().zip(0..);
-        let units = names.map(|(name, at)| ((*name).to_owned(), at)).collect();
         let properties = ["fRS".to_owned()];
         let deviations = PerProperty::from([("fRS".to_owned(), 2.0)]);
         let scoring = Scoring {
@@ -185,7 +160,6 @@ mod tests {
             with_percentages: &properties,
             deviations: &deviations,
             own_mean_interval: true,
-            units: &units,
             top8: &[],
             intervals: Intervals::of_training(Level::P95),
         };
@@ -222,18 +196,16 @@ mod tests {
         assert_eq!(row.scores.mae_over_std["fRS"], Some(0.25));
         assert_eq!(row.means.spearman_mean, Some(1.0));
         assert_eq!(row.scores.r2_interval["fRS"], None);
+        let mut notes = row.notes.iter();
         let one = "no intervals: reruns: 1";
-        assert!(
-            row.notes.iter().any(|note| note.starts_with(one)),
-            "{:?}",
-            row.notes
-        );
+        assert!(notes.any(|note| note.starts_with(one)), "{:?}", row.notes);
         assert_eq!(row.means.over_reruns.r2_mean, None);
         // Paired with the baseline's second rerun, which leaves 4 of 14.
         let gain = row.gains.r2_mean_gains["zero"].value;
         assert!((gain - 3.0 / 14.0).abs() < 1e-12, "{gain}");
-        let left_out = "fRS, rerun 0, left out: the loss is inf in epoch 3";
-        assert_eq!(row.notes.iter().filter(|note| *note == left_out).count(), 1);
+        let left_out = format!("fRS, rerun 0, left out: {FAILED}");
+        let left_out = row.notes.iter().filter(|note| **note == left_out);
+        assert_eq!(left_out.count(), 1);
         assert!(!row.notes.iter().any(|note| note.contains("no samples")));
     }
 
@@ -261,25 +233,15 @@ mod tests {
     fn a_method_that_always_fails_has_a_row_without_numbers() {
         let baseline = [outcome(0, Some(1.0))];
         let none = [outcome(0, None)];
-        for (at, methods) in [
-            [method("zero", &baseline, 1), method("one", &none, 1)],
-            [method("one", &none, 1), method("zero", &baseline, 1)],
-        ]
-        .iter()
-        .enumerate()
-        {
-            let all = scored(methods);
-            let row = &all[1 - at];
-            assert_eq!(
-                (
-                    row.scores.r2["fRS"],
-                    row.means.r2_mean,
-                    row.held_out_surfaces
-                ),
-                (None, None, 0)
-            );
+        for failing in [0, 1] {
+            let mut methods = [method("one", &none, 1), method("zero", &baseline, 1)];
+            methods.rotate_left(failing);
+            let all = scored(&methods);
+            let row = &all[failing];
+            assert_eq!((row.scores.r2["fRS"], row.means.r2_mean), (None, None));
+            assert_eq!(row.held_out_surfaces, 0);
             assert!(row.notes.iter().any(|note| note.contains("inf in epoch 3")));
-            assert!(all[at].means.r2_mean.is_some());
+            assert!(all[1 - failing].means.r2_mean.is_some());
         }
     }
 }

@@ -51,11 +51,14 @@ impl PropertyScores {
             let mut summary = |what: &str, of: &dyn Fn(&Judged<'_>) -> Outcome| {
                 let values = outcomes.iter();
                 let values = values.map(|judged| of(judged).map(|score| score.value));
-                let mut summary = over_reruns(values);
-                // Those have a note of their own.
-                let failed = |rerun: usize| outcomes.get(rerun).is_some_and(Judged::is_empty);
-                summary.left_out.retain(|&(rerun, _)| !failed(rerun));
-                notes.reruns(&format!("{what} of {property}"), summary)
+                let summary = over_reruns(values);
+                for (rerun, reason) in &summary.left_out {
+                    // Those without any estimate have a note of their own.
+                    if !outcomes[*rerun].is_empty() {
+                        notes.add(&format!("{what} of {property}, rerun {rerun}"), reason);
+                    }
+                }
+                summary
             };
             for kind in Kind::ALL {
                 let percent = kind == Kind::MedianPercentError;
@@ -200,24 +203,21 @@ pub(super) fn intervals(
     notes: &mut Notes,
 ) -> PerProperty<Option<[f64; 2]>> {
     let intervals = method.outcomes.iter().map(|(property, outcomes)| {
-        let interval = interval_over(outcomes.iter().enumerate(), scoring, Reference::Training);
+        let interval = interval_over(outcomes.iter(), scoring, Reference::Training);
         let what = format!("the interval of R² of {property}");
         (property.clone(), notes.interval(&what, interval))
     });
     intervals.collect()
 }
 
-/// The interval of the mean R² over trials that have one, each with its rerun.
+/// The interval of the mean R² over trials that have one.
 pub(super) fn interval_over<'m, 'a: 'm>(
-    outcomes: impl Iterator<Item = (usize, &'m Judged<'a>)>,
+    outcomes: impl Iterator<Item = &'m Judged<'a>>,
     scoring: &Scoring<'_>,
     about: Reference,
 ) -> Result<ScoreInterval, IntervalError> {
-    let defined: Vec<(usize, &Judged<'_>)> =
-        outcomes.filter(|(_, judged)| judged.has_r2()).collect();
-    let units: Vec<Vec<usize>> = defined.iter().map(|(_, o)| scoring.units_of(o)).collect();
-    let scored = defined.iter().zip(&units);
-    let scored = scored.map(|((rerun, judged), units)| judged.scored(about, units, *rerun));
+    let defined = outcomes.filter(|judged| judged.has_r2());
+    let scored = defined.map(|judged| judged.scored(about));
     let scored = scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()?;
     scoring.intervals.interval(&scored)
 }

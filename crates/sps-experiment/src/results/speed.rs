@@ -123,20 +123,16 @@ mod tests {
         all.iter().enumerate().map(point).collect()
     }
 
-    fn methods(points: &[Point]) -> Vec<usize> {
-        points.iter().map(|point| point.method).collect()
-    }
-
     #[test]
-    fn the_front_is_a_staircase() {
-        let points = of(&[(1.0, 0.9), (3.0, 0.5), (2.0, 0.95), (4.0, 0.5), (5.0, 0.2)]);
-        assert_eq!(methods(&front(&points)), [0, 1, 4]);
-    }
-
-    #[test]
-    fn equal_points_share_their_fate() {
-        let points = of(&[(1.0, 0.5), (1.0, 0.5), (1.0, 0.6), (2.0, 0.5)]);
-        assert_eq!(methods(&front(&points)), [0, 1]);
+    fn the_front_is_a_staircase_and_equal_points_share_their_fate() {
+        let front = |all: &[(f64, f64)]| -> Vec<usize> {
+            let front = front(&of(all)).into_iter();
+            front.map(|point| point.method).collect()
+        };
+        let steps = [(1.0, 0.9), (3.0, 0.5), (2.0, 0.95), (4.0, 0.5), (5.0, 0.2)];
+        assert_eq!(front(&steps), [0, 1, 4]);
+        let equal = [(1.0, 0.5), (1.0, 0.5), (1.0, 0.6), (2.0, 0.5)];
+        assert_eq!(front(&equal), [0, 1]);
         assert!(front(&[]).is_empty());
     }
 

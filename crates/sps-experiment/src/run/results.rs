@@ -1,5 +1,7 @@
 //! The results of a run, from the rows of its methods.
 
+use std::collections::HashMap;
+
 use anyhow::{Context, Result};
 use rayon::prelude::*;
 use sps_dataset::{Description, Property, Source};
@@ -72,6 +74,7 @@ impl<'m> MethodRow<'m> {
         experiment: &Experiment,
         source: &dyn Source,
         splits: &Splits,
+        units: &HashMap<String, usize>,
     ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
         let trained_on = splits.of_method(method, experiment.seed)?;
@@ -96,16 +99,20 @@ impl<'m> MethodRow<'m> {
         Ok(MethodOutcomes {
             row,
             adaptive: method.adaptive,
-            outcomes: self.judged(splits.of_rerun),
+            outcomes: self.judged(splits.of_rerun, units),
         })
     }
 
     /// Its outcomes, the folds of a rerun together.
-    fn judged(&self, of_rerun: usize) -> PerProperty<Vec<Judged<'_>>> {
+    fn judged(
+        &self,
+        of_rerun: usize,
+        units: &HashMap<String, usize>,
+    ) -> PerProperty<Vec<Judged<'_>>> {
         let of_property = self.outcomes.iter().map(|(property, outcomes)| {
-            let outcomes: Vec<&Outcome> = outcomes.iter().collect();
-            let reruns = outcomes.chunks(of_rerun).filter_map(Judged::of);
-            (property.clone(), reruns.collect())
+            let reruns = outcomes.chunks(of_rerun).enumerate();
+            let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, units));
+            (property.clone(), judged.collect())
         });
         of_property.collect()
     }
@@ -122,7 +129,7 @@ pub(super) fn results(
     let properties = codes(&tables::properties(source, &experiment.properties)?);
     let units = source.surfaces().iter().zip(splits.units.of_surface());
     let units = units.map(|(surface, &unit)| (surface.id.clone(), unit));
-    let units = units.collect();
+    let units: HashMap<String, usize> = units.collect();
     let described = described(source, about, &properties);
     let dataset = dataset(experiment, source, about, splits);
     let after_the_paper = dataset.is_after_the_paper();
@@ -151,12 +158,11 @@ pub(super) fn results(
         with_percentages: &with_percentages,
         deviations: &deviations,
         own_mean_interval: dataset.holds_out_groups(),
-        units: &units,
         top8: if after_the_paper { paper::top8() } else { &[] },
         intervals: Intervals::of_training(experiment.interval_level).sharing(test_per_training),
     };
     let outcomes = rows.iter();
-    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits));
+    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits, &units));
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes.collect::<Result<_>>()?;
     let scored = |method| score(method, &outcomes, &experiment.against, &scoring);
     let methods: Vec<MethodResult> = outcomes.par_iter().map(scored).collect();

@@ -6,8 +6,7 @@ use sps_estimator::OnnxSettings;
 use sps_models::encoders::{Depths, EncoderKind, Precision};
 use sps_models::training::TrainingConfig;
 
-use super::layers::Layers;
-use super::locate::ConfigError;
+use super::layers::{ConfigError, Layers};
 use super::schema::EncoderConfig;
 
 /// An encoder as methods use it.

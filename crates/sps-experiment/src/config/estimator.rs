@@ -122,25 +122,23 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Pr
         }
         (MethodKind::Mean, None) => return Ok(Estimator::Mean),
         (MethodKind::LabelMean, None) => return Ok(Estimator::LabelMean),
-        (MethodKind::Stacked, None) => stacked(config, method)?,
+        (MethodKind::Stacked, None) if method.members.is_empty() => {
+            return refuse("members", "lists none to stack");
+        }
+        (MethodKind::Stacked, None) if method.folds < 2 => {
+            return refuse("folds", "must be at least 2");
+        }
+        (MethodKind::Stacked, None) => {
+            let members = method.members.iter();
+            let members = members.map(|&kind| single(config, method, kind));
+            Regression::Stacked(Stacked {
+                members: members.collect::<Result<_, _>>()?,
+                folds: method.folds,
+            })
+        }
         (kind, None) => single(config, method, kind)?,
     };
     Ok(Estimator::Fitted(Box::new(fitted)))
-}
-
-fn stacked(config: &Config, method: &MethodConfig) -> Result<Regression, Problem> {
-    if method.members.is_empty() {
-        return refuse("members", "lists none to stack");
-    }
-    if method.folds < 2 {
-        return refuse("folds", "must be at least 2");
-    }
-    let members = method.members.iter();
-    let members = members.map(|&kind| single(config, method, kind));
-    Ok(Regression::Stacked(Stacked {
-        members: members.collect::<Result<_, _>>()?,
-        folds: method.folds,
-    }))
 }
 
 fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Regression, Problem> {

@@ -9,12 +9,10 @@ use sps_estimator::Regression;
 use sps_metrics::Level;
 
 use super::encoder::encoder;
-use super::layers::Layers;
-use super::locate::ConfigError;
-use super::method::{Method, methods};
-use super::schema::{Config, SpeedConfig};
+use super::layers::{ConfigError, Layers};
+use super::method::{Method, methods, written};
+use super::schema::{Config, SpeedConfig, TrainConfig};
 use super::setting::Setting;
-use super::written::{Written, written};
 use crate::data::{self, DataSpec, Protocol};
 use crate::files::read_text;
 use crate::work::Work;
@@ -40,24 +38,14 @@ pub struct Experiment {
     pub(crate) interval_level: Level,
     pub(crate) against: Vec<usize>,
     pub(crate) speed: Option<SpeedConfig>,
-    pub(crate) train: TrainSpec,
+    pub(crate) train: TrainConfig,
+    /// Index of the method that is fitted and kept: the last one unless `train` names another.
+    pub(crate) kept: usize,
     pub(crate) cache: PathBuf,
     /// What is done of it; all, unless the command line says otherwise.
     pub work: Work,
     /// Every key with its value, as TOML.
     pub resolved: String,
-}
-
-/// What `train` fits, and the intervals of its model.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct TrainSpec {
-    /// Index of the method to fit.
-    pub method: usize,
-    /// Whether the config says which; it is the last method otherwise.
-    pub named: bool,
-    pub calibration: f64,
-    pub level: Level,
-    pub keep_photographs: bool,
 }
 
 impl Experiment {
@@ -101,10 +89,8 @@ impl Experiment {
         }
         let is_kept = |at: &usize| patterns.iter().any(|pattern| pattern.matches(ids[*at]));
         let kept: Vec<usize> = (0..ids.len()).filter(is_kept).collect();
-        let against = self.against.iter();
-        self.against = against
-            .filter_map(|at| kept.binary_search(at).ok())
-            .collect();
+        let place = |at: &usize| kept.binary_search(at).ok();
+        self.against = self.against.iter().filter_map(place).collect();
         if self.against.is_empty() {
             self.against.push(0);
         }
@@ -113,103 +99,67 @@ impl Experiment {
     }
 
     fn check(path: &Path, layers: &Layers<'_>, config: Config) -> Result<Self, ConfigError> {
-        let resolved = layers.to_toml();
-        let properties = config.properties.iter().enumerate();
-        let properties = properties
-            .map(|(at, code)| layers.named(&format!("properties.{at}"), code.parse::<Property>()));
         layers.require(config.reruns > 0, "reruns", "must be at least 1")?;
         encoder(layers, "encoder", &config.encoder)?;
         let (written, listed) = written(&config);
         layers.require(listed > 0, "methods", "lists no method")?;
         let folds = config.selection.folds > 0;
         layers.require(folds, "selection.folds", "must be at least 1")?;
-        let interval_level = config.report.level;
+        let share = config.train.calibration > 0.0 && config.train.calibration < 1.0;
+        layers.require(share, "train.calibration", "must lie between 0 and 1")?;
+        let position = |key: &str, id: &str| {
+            let ids: Vec<&str> = written.iter().map(|one| &one.method.id[..]).collect();
+            let position = ids.iter().position(|&other| other == id);
+            position.ok_or_else(|| {
+                let problem = format!("no method `{id}`; there are {}", ids.join(", "));
+                layers.error(key, problem)
+            })
+        };
+        let against = match config.report.against.as_slice() {
+            [] => vec![0],
+            ids => {
+                let found = ids.iter().map(|id| position("report.against", id));
+                found.collect::<Result<_, _>>()?
+            }
+        };
+        let kept = match config.train.method.as_str() {
+            "" => listed - 1,
+            id => position("train.method", id)?,
+        };
         let (data, protocol) = data::of_config(layers, &config)?;
+        let name = path.file_stem().unwrap_or_default();
         Ok(Self {
-            name: path
-                .file_stem()
-                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-            seed: config.seed,
-            reruns: config.reruns,
-            properties: properties.collect::<Result<_, _>>()?,
+            name: name.to_string_lossy().into_owned(),
             methods: methods(layers, &config, &written, protocol)?,
             data,
             protocol,
             selection_folds: config.selection.folds,
-            interval_level,
-            against: against(layers, &config, &written)?,
-            speed: speed(layers, &config)?,
-            train: train(layers, &config, &written, listed - 1)?,
+            interval_level: config.report.level,
+            against,
+            speed: speed(layers, config.report.speed)?,
+            train: config.train,
+            kept,
             cache: config.cache.folder,
             work: Work::All,
             description: config.description,
-            resolved,
+            seed: config.seed,
+            reruns: config.reruns,
+            properties: config.properties,
+            resolved: layers.to_toml(),
         })
     }
 }
 
 /// What is asked about speed and error; none where it is not.
-fn speed(layers: &Layers<'_>, config: &Config) -> Result<Option<SpeedConfig>, ConfigError> {
-    let speed = config.report.speed;
+fn speed(layers: &Layers<'_>, asked: SpeedConfig) -> Result<Option<SpeedConfig>, ConfigError> {
     for (key, value) in [
-        ("error", speed.within_error),
-        ("seconds", speed.within_seconds),
+        ("report.speed.within-error", asked.within_error),
+        ("report.speed.within-seconds", asked.within_seconds),
     ] {
-        let key = format!("report.speed.within-{key}");
         let number = value.is_finite() && value >= 0.0;
-        layers.require(number, &key, "must be a number from 0 on")?;
+        layers.require(number, key, "must be a number from 0 on")?;
     }
-    Ok(speed.front.then_some(speed))
-}
-
-/// Indices of the methods that all others are compared with.
-fn against(
-    layers: &Layers<'_>,
-    config: &Config,
-    written: &[Written],
-) -> Result<Vec<usize>, ConfigError> {
-    if config.report.against.is_empty() {
-        return Ok(vec![0]);
-    }
-    let ids = config.report.against.iter();
-    ids.map(|id| position(layers, written, "report.against", id))
-        .collect()
-}
-
-fn position(
-    layers: &Layers<'_>,
-    written: &[Written],
-    key: &str,
-    id: &str,
-) -> Result<usize, ConfigError> {
-    let ids: Vec<&str> = written.iter().map(|one| one.method.id.as_str()).collect();
-    let position = ids.iter().position(|&other| other == id);
-    position.ok_or_else(|| {
-        let problem = format!("no method `{id}`; there are {}", ids.join(", "));
-        layers.error(key, problem)
-    })
-}
-
-fn train(
-    layers: &Layers<'_>,
-    config: &Config,
-    written: &[Written],
-    last: usize,
-) -> Result<TrainSpec, ConfigError> {
-    let train = &config.train;
-    let method = match train.method.as_str() {
-        "" => last,
-        id => position(layers, written, "train.method", id)?,
-    };
-    let share = train.calibration > 0.0 && train.calibration < 1.0;
-    layers.require(share, "train.calibration", "must lie between 0 and 1")?;
-    Ok(TrainSpec {
-        method,
-        named: !train.method.is_empty(),
-        calibration: train.calibration,
-        level: train.level,
-        keep_photographs: train.keep_photographs,
-    })
+    Ok(asked.front.then_some(asked))
 }
 
 #[cfg(test)]
@@ -224,11 +174,8 @@ pub(super) mod tests {
     use sps_regress::ridge::RidgeConfig;
     use sps_simulate::SimulatorSpec;
 
-    pub(in crate::config) fn read(text: &str) -> Result<Experiment, ConfigError> {
-        let defaults = DEFAULTS.parse().unwrap();
-        let path = Path::new("folder/test.toml");
-        let layers = Layers::new(&defaults, path, text, &[])?;
-        Experiment::check(path, &layers, layers.read()?)
+    pub(in crate::config) fn read(text: &str) -> Result<Experiment> {
+        Experiment::parse(Path::new("folder/test.toml"), text, &[])
     }
 
     pub(in crate::config) const METHOD: &str =
@@ -276,10 +223,8 @@ pub(super) mod tests {
         assert_eq!(kept(&["b*"]).unwrap(), ("b-1 b-3".to_owned(), vec![1]));
         assert_eq!(kept(&["a", "*-1"]).unwrap(), ("a b-1".to_owned(), vec![0]));
         let error = kept(&["b*", "c*"]).unwrap_err().to_string();
-        assert!(
-            error.starts_with("--only c*: no such method; there are a, b-1"),
-            "{error}"
-        );
+        let begins = "--only c*: no such method; there are a, b-1";
+        assert!(error.starts_with(begins), "{error}");
     }
 
     #[test]

@@ -82,10 +82,8 @@ fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     methods.collect::<Result<_, _>>().map(Value::Array)
 }
 
-struct Axis {
-    key: String,
-    points: Vec<Point>,
-}
+/// A dotted key, and the values that it takes.
+type Axis = (String, Vec<Point>);
 
 pub(super) struct Point {
     pub value: Value,
@@ -98,18 +96,17 @@ type Combination<'a> = Vec<(&'a str, &'a Point)>;
 /// The lists in the grid by their dotted keys, in the order in which they are written.
 fn find_axes(grid: &Value, key: &str, axes: &mut Vec<Axis>) -> Result<(), String> {
     match grid {
-        Value::Table(table) => table
-            .iter()
-            .try_for_each(|(name, value)| find_axes(value, &below(key, name), axes)),
-        Value::Array(values) if !key.is_empty() => {
-            axes.push(Axis {
-                key: key.to_owned(),
-                points: values.iter().map(point).collect(),
-            });
-            Ok(())
+        Value::Table(table) => {
+            for (name, value) in table {
+                find_axes(value, &below(key, name), axes)?;
+            }
         }
-        other => Err(format!("`{key}` is {other}, expected a list of values")),
+        Value::Array(values) if !key.is_empty() => {
+            axes.push((key.to_owned(), values.iter().map(point).collect()));
+        }
+        other => return Err(format!("`{key}` is {other}, expected a list of values")),
     }
+    Ok(())
 }
 
 /// The dotted key of what is called `name` in the table at `key`.
@@ -130,15 +127,17 @@ fn point(value: &Value) -> Point {
     }
 }
 
-fn combinations<'a>(axes: &'a [Axis]) -> Vec<Combination<'a>> {
-    axes.iter().fold(vec![Vec::new()], |all, axis| {
-        let with = |one: &Combination<'a>| -> Vec<Combination<'a>> {
-            let points = axis.points.iter();
-            let extended = points.map(|point| [&one[..], &[(axis.key.as_str(), point)]].concat());
-            extended.collect()
+fn combinations(axes: &[Axis]) -> Vec<Combination<'_>> {
+    let mut all = vec![Vec::new()];
+    for (key, points) in axes {
+        let with = |one: Vec<_>| {
+            let points = points.iter();
+            let extended = points.map(|point| [&one[..], &[(&key[..], point)]].concat());
+            extended.collect::<Vec<_>>()
         };
-        all.iter().flat_map(with).collect()
-    })
+        all = all.into_iter().flat_map(with).collect();
+    }
+    all
 }
 
 /// The combinations to leave out, each as values of some keys.
@@ -149,25 +148,21 @@ fn exceptions(except: Option<Value>) -> Result<Vec<Vec<(String, Value)>>, String
         Some(other) => return Err(format!("{other} is no list of tables")),
     };
     let of_table = |table: Value| match table {
-        Value::Table(_) => {
-            let mut leaves = Vec::new();
-            find_leaves(&table, "", &mut leaves);
-            Ok(leaves)
-        }
+        Value::Table(_) => Ok(leaves("", &table)),
         other => Err(format!("{other} is no table of keys and values")),
     };
     tables.into_iter().map(of_table).collect()
 }
 
-/// The values in a table by their dotted keys.
-pub(super) fn find_leaves(value: &Value, key: &str, leaves: &mut Vec<(String, Value)>) {
+/// The values in a table by their dotted keys; `key` is its own.
+pub(super) fn leaves(key: &str, value: &Value) -> Vec<(String, Value)> {
     match value {
         Value::Table(table) if !table.is_empty() => {
-            for (name, value) in table {
-                find_leaves(value, &below(key, name), leaves);
-            }
+            let inside = table.iter();
+            let inside = inside.flat_map(|(name, value)| leaves(&below(key, name), value));
+            inside.collect()
         }
-        other => leaves.push((key.to_owned(), other.clone())),
+        other => vec![(key.to_owned(), other.clone())],
     }
 }
 
@@ -176,11 +171,8 @@ fn is_one_of(one: &Combination<'_>, values: &[(String, Value)]) -> bool {
     let is = |point: &Point, value: &Value| {
         point.value == *value || point.called.is_some() && point.called.as_deref() == value.as_str()
     };
-    let has = |(key, value): &(String, Value)| {
-        let mut chosen = one.iter();
-        chosen.any(|(other, point)| other == key && is(point, value))
-    };
-    values.iter().all(has)
+    let is_chosen = |key: &str, value| one.iter().any(|&(other, p)| other == key && is(p, value));
+    values.iter().all(|(key, value)| is_chosen(key, value))
 }
 
 fn of_combination(
@@ -192,10 +184,15 @@ fn of_combination(
         merge(&mut made, nested(key, point.value.clone()));
     }
     settle_views(&mut made, chosen);
-    let chosen = chosen.iter();
-    let ids = chosen.clone().map(|&(key, point)| (key, id_of(point)));
-    let labels = chosen.map(|&(key, point)| (key, label_word(&made, key, point)));
-    let (ids, labels) = (ids.collect(), labels.collect());
+    let words = |word: &dyn Fn(&str, &Point) -> String| {
+        let words = chosen.iter().map(|&(key, point)| (key, word(key, point)));
+        words.collect()
+    };
+    let ids = words(&|_, point| match &point.called {
+        Some(called) => called.clone(),
+        None => id_word(&point.value),
+    });
+    let labels = words(&|key, point| label_word(&made, key, point));
     let mut set = |title: &'static str, between, words: Vec<(&str, String)>| {
         let given = made.get(title).and_then(Value::as_str).unwrap_or_default();
         let text = titled(given, between, &words).map_err(|problem| (title, problem))?;
@@ -205,11 +202,6 @@ fn of_combination(
     set("id", "-", ids)?;
     set("label", ", ", labels)?;
     Ok(made)
-}
-
-fn id_of(point: &Point) -> String {
-    let called = point.called.clone();
-    called.unwrap_or_else(|| id_word(&point.value))
 }
 
 /// A table with nothing but this value at its dotted key.
@@ -241,39 +233,35 @@ fn settle_views(method: &mut Table, chosen: &Combination<'_>) {
 mod tests {
     use super::*;
 
-    fn expanded(text: &str) -> Result<Vec<Table>, Refused> {
+    fn expanded(text: &str) -> Result<Vec<Value>, Refused> {
         let mut config: Table = text.parse().unwrap();
         expand(&mut config)?;
         let sweeps = config["sweep"].as_array().unwrap();
         let methods = sweeps.iter().flat_map(|sweep| sweep.as_array().unwrap());
-        Ok(methods
-            .map(|method| method.as_table().unwrap().clone())
-            .collect())
+        Ok(methods.cloned().collect())
     }
 
-    fn titles(text: &str) -> Vec<(String, String)> {
-        let title = |method: &Table, key: &str| method[key].as_str().unwrap().to_owned();
-        let methods = expanded(text).unwrap();
-        methods
-            .iter()
-            .map(|m| (title(m, "id"), title(m, "label")))
-            .collect()
+    /// The id and the label of each method.
+    fn titles(text: &str) -> Vec<[String; 2]> {
+        let titles = |method: &Value| {
+            ["id", "label"].map(|title| method[title].as_str().unwrap().to_owned())
+        };
+        expanded(text).unwrap().iter().map(titles).collect()
     }
 
     #[test]
     fn the_last_key_varies_fastest_and_names_are_made_of_what_varies() {
         let text = "[[sweep]]\nid = \"net\"\nlabel = \"Network\"\nkind = \"head\"\n\
             [sweep.grid]\nviews = [1, 3, \"all\"]\nhead.epochs = [10, 30]\n";
-        let pair = |id: &str, label: &str| (id.to_owned(), label.to_owned());
         assert_eq!(
             titles(text),
             [
-                pair("net-1-10", "Network, 1 view, epochs 10"),
-                pair("net-1-30", "Network, 1 view, epochs 30"),
-                pair("net-3-10", "Network, 3 views, epochs 10"),
-                pair("net-3-30", "Network, 3 views, epochs 30"),
-                pair("net-all-10", "Network, all views, epochs 10"),
-                pair("net-all-30", "Network, all views, epochs 30"),
+                ["net-1-10", "Network, 1 view, epochs 10"],
+                ["net-1-30", "Network, 1 view, epochs 30"],
+                ["net-3-10", "Network, 3 views, epochs 10"],
+                ["net-3-30", "Network, 3 views, epochs 30"],
+                ["net-all-10", "Network, all views, epochs 10"],
+                ["net-all-30", "Network, all views, epochs 30"],
             ]
         );
         let methods = expanded(text).unwrap();
@@ -287,19 +275,14 @@ mod tests {
         let text = "[[sweep]]\nid = \"{head}-{views}-net\"\nlabel = \"{head}, {views}\"\n\
             kind = \"head\"\n[sweep.grid]\nviews = [2]\n\
             head = [{ as = \"slow\", epochs = 90 }, { epochs = 3, adam.weight-decay = 0.5 }]\n";
-        let expected = [
-            ("slow-2-net", "epochs 90, 2 views"),
-            (
-                "epochs-3-weight-decay-0.5-2-net",
-                "epochs 3, weight-decay 0.5, 2 views",
-            ),
-        ];
-        let found = titles(text);
-        let found: Vec<_> = found
-            .iter()
-            .map(|(id, label)| (&id[..], &label[..]))
-            .collect();
-        assert_eq!(found, expected);
+        let second = "epochs-3-weight-decay-0.5-2-net";
+        assert_eq!(
+            titles(text),
+            [
+                ["slow-2-net", "epochs 90, 2 views"],
+                [second, "epochs 3, weight-decay 0.5, 2 views"],
+            ]
+        );
     }
 
     #[test]
@@ -308,37 +291,35 @@ mod tests {
             [[methods]]\nid = \"b\"\nlabel = \"B\"\nkind = \"head\"\n\
             [sweep]\n\"encoder.resize\" = [64, 128]\nviews = [1, 3]\n\
             except = [{ encoder.resize = 64, views = 3 }]\n";
-        let ids: Vec<String> = titles(text).into_iter().map(|(id, _)| id).collect();
+        let ids: Vec<String> = titles(text).into_iter().map(|[id, _]| id).collect();
         assert_eq!(
-            ids,
-            [
-                "a-64-1", "a-128-1", "a-128-3", "b-64-1", "b-128-1", "b-128-3"
-            ]
+            ids.join(" "),
+            "a-64-1 a-128-1 a-128-3 b-64-1 b-128-1 b-128-3"
         );
     }
 
     #[test]
     fn what_cannot_be_meant_is_refused() {
-        let refused = |grid: &str| {
-            let text = format!("[[sweep]]\nid = \"a\"\n{grid}");
-            let (key, problem) = expanded(&text).unwrap_err();
-            format!("{key}: {problem}")
-        };
-        assert_eq!(
-            refused("at-most = 3\ngrid = { views = [1, 2], seed = [1, 2] }"),
-            "sweep.0.grid: 4 methods; `at-most` allows 3"
-        );
-        assert_eq!(
-            refused("grid = { head = { epochs = 3 } }"),
-            "sweep.0.grid: `head.epochs` is 3, expected a list of values"
-        );
-        assert_eq!(
-            refused("label = \"{epochs}\"\ngrid = { head.epochs = [3] }"),
-            "sweep.0.label: no `epochs` in the grid, which has head.epochs"
-        );
-        assert_eq!(
-            refused("except = 3"),
-            "sweep.0.except: 3 is no list of tables"
-        );
+        for (keys, key, problem) in [
+            (
+                "at-most = 3\ngrid = { views = [1, 2], seed = [1, 2] }",
+                "sweep.0.grid",
+                "4 methods; `at-most` allows 3",
+            ),
+            (
+                "grid = { head = { epochs = 3 } }",
+                "sweep.0.grid",
+                "`head.epochs` is 3, expected a list of values",
+            ),
+            (
+                "label = \"{epochs}\"\ngrid = { head.epochs = [3] }",
+                "sweep.0.label",
+                "no `epochs` in the grid, which has head.epochs",
+            ),
+            ("except = 3", "sweep.0.except", "3 is no list of tables"),
+        ] {
+            let refused = expanded(&format!("[[sweep]]\nid = \"a\"\n{keys}")).unwrap_err();
+            assert_eq!(refused, (key.to_owned(), problem.to_owned()));
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::grid::{Point, find_leaves};
+use super::grid::{self, Point};
 
 pub(super) fn id_word(value: &Value) -> String {
     match value {
@@ -14,8 +14,10 @@ pub(super) fn id_word(value: &Value) -> String {
 
 pub(super) fn label_word(method: &Table, key: &str, point: &Point) -> String {
     let last = key.rsplit('.').next().unwrap_or(key);
+    let model = || method.get("head")?.get("model")?.get("kind")?.as_str();
     match (key, &point.value) {
-        ("kind", Value::String(kind)) => kind_word(method, kind),
+        // A network goes by what it is a network of.
+        ("kind", Value::String(kind)) if kind == "head" => model().unwrap_or(kind).to_owned(),
         ("views", Value::Integer(1)) => "1 view".to_owned(),
         ("views", number) => format!("{} views", id_word(number)),
         ("training-surfaces", number) => format!("{number} training surfaces"),
@@ -26,24 +28,13 @@ pub(super) fn label_word(method: &Table, key: &str, point: &Point) -> String {
     }
 }
 
-/// A network goes by what it is a network of.
-fn kind_word(method: &Table, kind: &str) -> String {
-    let model = || method.get("head")?.get("model")?.get("kind")?.as_str();
-    match kind {
-        "head" => model().unwrap_or(kind).to_owned(),
-        kind => kind.to_owned(),
-    }
-}
-
 /// The values of a table, each after its key.
 fn leaves(table: &Value, between: &str) -> Vec<String> {
-    let mut leaves = Vec::new();
-    find_leaves(table, "", &mut leaves);
     let word = |(key, value): &(String, Value)| {
         let last = key.rsplit('.').next().unwrap_or(key);
         format!("{last}{between}{}", id_word(value))
     };
-    leaves.iter().map(word).collect()
+    grid::leaves("", table).iter().map(word).collect()
 }
 
 /// The words in the places that `given` names as `{key}`, or after it where it names none.
@@ -53,11 +44,9 @@ pub(super) fn titled(
     words: &[(&str, String)],
 ) -> Result<String, String> {
     if !given.contains('{') {
-        let given = Some(given).filter(|given| !given.is_empty());
-        let all = given
-            .into_iter()
-            .chain(words.iter().map(|(_, word)| &word[..]));
-        return Ok(all.collect::<Vec<_>>().join(between));
+        let words = words.iter().map(|(_, word)| &word[..]);
+        let all = [given].into_iter().filter(|given| !given.is_empty());
+        return Ok(all.chain(words).collect::<Vec<_>>().join(between));
     }
     let mut title = String::new();
     let mut rest = given;

@@ -1,15 +1,16 @@
 //! Layers of TOML, one over the other, read as one value.
 
+use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use serde_path_to_error::{Path as KeyPath, Segment};
 use sps_base::names::UnknownName;
-use toml::de::DeTable;
+use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
 use super::grid::{below, expand};
-use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
 
@@ -35,20 +36,15 @@ impl<'a> Layers<'a> {
         text: &'a str,
         settings: &'a [Setting],
     ) -> Result<Self, ConfigError> {
-        let unread = |place, problem| ConfigError {
-            place,
-            key: String::new(),
-            problem,
-        };
         let table = text.parse::<Table>().map_err(|error| {
-            let place = place_of_span(path, text, error.span().unwrap_or(0..0));
-            unread(place, error.message().to_owned())
+            let span = error.span().unwrap_or(0..0);
+            ConfigError::in_line(path, text, span, error.message())
         })?;
         let mut merged = defaults.clone();
         merge(&mut merged, table);
         let apply = |setting: &'a Setting| {
-            let place = || Place::Setting(setting.key.clone());
-            let key = apply(&mut merged, setting).map_err(|problem| unread(place(), problem))?;
+            let refused = |problem| ConfigError(format!("--set {}: {problem}", setting.key));
+            let key = apply(&mut merged, setting).map_err(refused)?;
             Ok((key, setting))
         };
         let settings = settings.iter().map(apply).collect::<Result<_, _>>()?;
@@ -162,30 +158,20 @@ impl<'a> Layers<'a> {
 
     fn error_at(&self, key: &[String], problem: String) -> ConfigError {
         let dotted = key.join(".");
-        let set = self
-            .settings
-            .iter()
-            .rev()
-            .find(|(key, _)| dotted == *key || dotted.starts_with(&format!("{key}.")));
-        let place = match set {
-            Some((_, setting)) => Place::Setting(format!("{}={}", setting.key, setting.value)),
-            None => self.place_in_file(key),
+        let message = match dotted.as_str() {
+            "" => problem,
+            key => format!("`{key}`: {problem}"),
         };
-        ConfigError {
-            place,
-            key: dotted,
-            problem,
+        let is_set = |key: &str| dotted == key || dotted.starts_with(&format!("{key}."));
+        let mut set = self.settings.iter().rev();
+        if let Some((_, Setting { key, value })) = set.find(|(key, _)| is_set(key)) {
+            return ConfigError(format!("--set {key}={value}: {message}"));
         }
-    }
-
-    fn place_in_file(&self, key: &[String]) -> Place {
-        DeTable::parse(self.text)
-            .ok()
-            .and_then(|table| span_of(table.get_ref(), key))
-            .map_or_else(
-                || Place::Whole(self.path.to_owned()),
-                |span| place_of_span(self.path, self.text, span),
-            )
+        let table = DeTable::parse(self.text).ok();
+        match table.and_then(|table| span_of(table.get_ref(), key)) {
+            Some(span) => ConfigError::in_line(self.path, self.text, span, &message),
+            None => ConfigError(format!("{}: {message}", self.path.display())),
+        }
     }
 }
 
@@ -199,82 +185,95 @@ fn segments(path: &KeyPath) -> Vec<String> {
         .collect()
 }
 
+/// The span of the deepest part of `key` that the file holds.
+fn span_of(table: &DeTable<'_>, key: &[String]) -> Option<Range<usize>> {
+    let (first, rest) = key.split_first()?;
+    let (name, value) = table.get_key_value(first.as_str())?;
+    Some(span_inside(value.get_ref(), rest).unwrap_or_else(|| name.span()))
+}
+
+fn span_inside(value: &DeValue<'_>, key: &[String]) -> Option<Range<usize>> {
+    match value {
+        DeValue::Table(table) => span_of(table, key),
+        DeValue::Array(list) => {
+            let (index, rest) = key.split_first()?;
+            let item = list.get(index.parse::<usize>().ok()?)?;
+            Some(span_inside(item.get_ref(), rest).unwrap_or_else(|| item.span()))
+        }
+        _ => None,
+    }
+}
+
+/// A wrong value, with the layer that it comes from.
+#[derive(Debug)]
+pub struct ConfigError(String);
+
+impl ConfigError {
+    /// What is wrong in the line of the file's text where the span begins.
+    fn in_line(path: &Path, text: &str, span: Range<usize>, message: &str) -> Self {
+        let before = text.get(..span.start.min(text.len())).unwrap_or(text);
+        let line = before.matches('\n').count() + 1;
+        let (path, shown) = (path.display(), text.lines().nth(line - 1));
+        let shown = shown.unwrap_or_default();
+        Self(format!(
+            "{path}, line {line}: {message}\n  {line} | {shown}"
+        ))
+    }
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde::Deserialize;
+    use crate::config::Experiment;
+    use crate::config::experiment::tests::METHOD;
 
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-    struct Sample {
-        seed: u64,
-        training: Training,
-        #[serde(default)]
-        methods: Vec<Method>,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-    struct Training {
-        learning_rate: f64,
-    }
-
-    #[derive(Debug, Deserialize)]
-    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-    struct Method {
-        id: String,
-    }
-
-    const DEFAULTS: &str = "seed = 7\n[training]\nlearning-rate = 1e-4\n";
-
-    fn read(text: &str, settings: &[&str]) -> Result<Sample, String> {
+    fn read(text: &str, settings: &[&str]) -> anyhow::Result<Experiment> {
         let settings: Vec<Setting> = settings.iter().map(|s| s.parse().unwrap()).collect();
-        let defaults = DEFAULTS.parse().unwrap();
-        Layers::new(&defaults, Path::new("a.toml"), text, &settings)
-            .and_then(|layers| layers.read())
-            .map_err(|error| error.to_string())
+        Experiment::parse(Path::new("a.toml"), text, &settings)
     }
 
     /// Holds that a config is refused with a message that begins so, and says what.
     fn refused(text: &str, settings: &[&str], begins: &str, says: &str) {
-        let message = read(text, settings).unwrap_err();
+        let message = read(text, settings).unwrap_err().to_string();
         assert!(
             message.starts_with(begins) && message.contains(says),
             "{message}"
         );
     }
 
-    const METHOD: &str = "seed = 1\n[[methods]]\nid = \"a\"";
-
     #[test]
     fn later_layers_win() {
         let settings = ["seed=2", "methods.a.id=z", "methods.0.id=y"];
-        let sample = read(METHOD, &settings).unwrap();
-        assert_eq!((sample.seed, sample.methods[0].id.as_str()), (2, "y"));
-        assert_eq!(sample.training.learning_rate, 1e-4);
+        let read = read(&format!("seed = 1\n{METHOD}"), &settings).unwrap();
+        assert_eq!((read.seed, read.methods[0].id.as_str()), (2, "y"));
+        assert_eq!(read.train.calibration, 0.25);
     }
 
     #[test]
     fn a_misspelt_key_shows_its_line_and_the_nearest_name() {
-        let text = "seed = 1\n\n[training]\nlearnin-rate = 2\n";
+        let text = "seed = 1\n\n[head.adam]\nlearnin-rate = 2\n";
         for says in ["did you mean `learning-rate`?", "4 | learnin-rate = 2"] {
             refused(text, &[], "a.toml, line 4: ", says);
         }
-        let listed = format!("{METHOD}\n[[methods]]\nid = \"b\"\nidd = 1");
-        refused(&listed, &[], "a.toml, line 6: ", "idd");
+        let listed = format!("{METHOD}[[methods]]\nid = \"b\"\nidd = 1");
+        refused(&listed, &[], "a.toml, line 7: ", "idd");
     }
 
     #[test]
     fn a_setting_is_named_as_it_was_given() {
-        let set = "training.learning-rate=fast";
-        let shown = "--set training.learning-rate=\"fast\"";
+        let set = "head.adam.learning-rate=fast";
+        let shown = "--set head.adam.learning-rate=\"fast\"";
         refused("seed = 1", &[set], shown, "");
-        refused(
-            METHOD,
-            &["methods.a.idd=b"],
-            "--set methods.a.idd=\"b\"",
-            "",
-        );
+        let shown = "--set methods.a.idd=\"b\"";
+        refused(METHOD, &["methods.a.idd=b"], shown, "");
         let outside = "neither an id nor an index of a list of 1";
         refused(METHOD, &["methods.3.id=b"], "", outside);
     }

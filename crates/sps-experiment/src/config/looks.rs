@@ -78,13 +78,13 @@ pub(super) fn of(
         ("relations", method.relations.is_some()),
     ];
     let given = given.into_iter().find(|(_, given)| *given);
+    let encoder = &method.encoder.name;
     match given {
         Some((key, _)) if !method.kind.looks() => {
             return refuse(key, format!("`{}` looks at no view", method.kind.name()));
         }
-        Some((key, _)) if takes_sequences(&method.encoder.name) => {
-            let name = &method.encoder.name;
-            let why = format!("cannot stand beside {name}, which looks at a sequence");
+        Some((key, _)) if encoder.parse().is_ok_and(EncoderKind::takes_sequences) => {
+            let why = format!("cannot stand beside {encoder}, which looks at a sequence");
             return refuse(key, why);
         }
         _ if !method.kind.looks() => return Ok(Looks::Nothing),
@@ -107,22 +107,22 @@ pub(super) fn of(
 
 /// Refuses a network's input that is for other views than the method looks at.
 fn check_input(method: &MethodConfig) -> Result<(), Problem> {
-    let number = match (&method.head.input, method.views) {
+    let views = match &method.head.input {
         _ if method.relations.is_some() => {
             let why = "cannot stand beside `relations`, which makes it";
             return refuse("head.input", why);
         }
-        (Input::Relations { .. }, _) => {
+        Input::Relations { .. } => {
             return refuse("head.input", "is made by the key `relations` of the method");
         }
-        (Input::Single {}, ViewCount::Number(1)) | (Input::ViewPooling {}, _) => return Ok(()),
-        (Input::LateFusion { views }, ViewCount::Number(number)) if *views == number => {
-            return Ok(());
-        }
-        (Input::Single {}, _) => 1,
-        (Input::LateFusion { views }, _) => *views,
+        Input::ViewPooling {} => return Ok(()),
+        Input::Single {} => 1,
+        Input::LateFusion { views } => *views,
     };
-    let (fits, views) = (counted(number, "view"), method.views);
+    if method.views == ViewCount::Number(views) {
+        return Ok(());
+    }
+    let (fits, views) = (counted(views, "view"), method.views);
     let why = format!("is for {fits}, but `views` is {views}");
     refuse("head.input", why)
 }
@@ -147,10 +147,6 @@ fn views(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
             selected(config, method, picks, selector).map(Looks::Selected)
         }
     }
-}
-
-fn takes_sequences(encoder: &str) -> bool {
-    encoder.parse().is_ok_and(EncoderKind::takes_sequences)
 }
 
 fn has_head(method: &MethodConfig) -> bool {
@@ -336,16 +332,13 @@ mod tests {
                 "[[sweep]]\nid = \"s\"\nkind = \"head\"\n{keys}\
                  grid = {{ views = [1, 3, \"all\"] }}\n"
             );
-            let methods = read(&text).unwrap().methods.into_iter();
+            let methods = read(&text).unwrap().methods.into_iter().take(3);
             let all: Vec<_> = methods.map(|method| (method.id, method.looks)).collect();
             all
         };
+        let looks = [("s-1", Looks::Nadir), ("s-3", named), ("s-all", Looks::All)];
         let plain = swept("");
-        let ids: Vec<&str> = plain.iter().map(|(id, _)| &id[..]).collect();
-        assert_eq!(ids[..3], ["s-1", "s-3", "s-all"]);
-        assert_eq!(plain[0].1, Looks::Nadir);
-        assert_eq!(plain[1].1, named);
-        assert_eq!(plain[2].1, Looks::All);
+        assert_eq!(plain, looks.map(|(id, looks)| (id.to_owned(), looks)));
         let chosen = swept("selector = { kind = \"greedy\" }\ndistinct = true\nrefit = {}\n");
         assert_eq!((&chosen[0], &chosen[2]), (&plain[0], &plain[2]));
         assert!(matches!(&chosen[1].1, Looks::Selected(greedy) if greedy.selector.learns()));

@@ -1,16 +1,14 @@
 //! The rows of the report.
 
-use sps_base::names::nearest;
+use sps_base::names::UnknownName;
 use sps_estimator::Regression;
 use sps_viewselect::AnySelector;
 
 use super::encoder::{EncoderSpec, encoder};
 use super::estimator::{self, Estimator};
-use super::layers::Layers;
-use super::locate::ConfigError;
+use super::layers::{ConfigError, Layers};
 use super::looks::{self, Looks, Problem, refuse};
 use super::schema::{Adaptive, Config, MethodConfig, MethodKind};
-use super::written::Written;
 use crate::data::Protocol;
 use crate::paper;
 
@@ -57,6 +55,61 @@ impl Method {
     }
 }
 
+/// A method, and where the config has it.
+pub(super) struct Written {
+    /// The key of the table, dotted.
+    pub at: String,
+    /// The key of its head, with an index for each method of a sweep.
+    pub head: String,
+    pub method: MethodConfig,
+}
+
+/// All methods: those listed, those of the sweeps, and the floors that are not among them; and how many are
+/// no floors.
+pub(super) fn written(config: &Config) -> (Vec<Written>, usize) {
+    let mut all = Vec::new();
+    let mut add = |at: String, head: String, method| all.push(Written { at, head, method });
+    for (index, method) in config.methods.iter().enumerate() {
+        let at = format!("methods.{index}");
+        add(at.clone(), format!("{at}.head"), method.clone());
+    }
+    for (index, methods) in config.sweep.iter().enumerate() {
+        let at = format!("sweep.{index}");
+        for (of, method) in methods.iter().enumerate() {
+            add(at.clone(), format!("{at}.{of}.head"), method.clone());
+        }
+    }
+    let listed = all.len();
+    for &kind in &config.floors {
+        let method = floor(config, kind);
+        if all[..listed].iter().all(|one| one.method.id != method.id) {
+            let [at, head] = ["floors", "head"].map(str::to_owned);
+            all.push(Written { at, head, method });
+        }
+    }
+    (all, listed)
+}
+
+/// One view, the encoder of the config.
+fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
+    let label = match kind {
+        MethodKind::Head => "Head",
+        MethodKind::Rows(kind) => kind.label(),
+        MethodKind::Stacked => "Stacked",
+        MethodKind::Mean => "Mean of the training part",
+        MethodKind::LabelMean => "Mean of the surface's material",
+        MethodKind::Predictions => "Estimates from a file",
+    };
+    MethodConfig {
+        id: kind.name().to_owned(),
+        label: label.to_owned(),
+        kind,
+        encoder: config.encoder.clone(),
+        head: config.head.clone(),
+        ..MethodConfig::default()
+    }
+}
+
 pub(super) fn methods(
     layers: &Layers<'_>,
     config: &Config,
@@ -99,20 +152,19 @@ fn adaptive(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive>, Pr
         return refuse("adaptive", why);
     };
     // Whatever has seen the readings of the calibration surfaces is surer of them than of others.
-    let (key, why) = if selected.selector.learns() {
+    if selected.selector.learns() {
         let why = "needs a selector that learns nothing: its intervals would be too narrow";
-        ("adaptive", why)
+        refuse("adaptive", why)
     } else if method.encoder.trainable {
         let why = "needs an encoder that is not trained: its intervals would be too narrow";
-        ("adaptive", why)
+        refuse("adaptive", why)
     } else if !(adaptive.width.is_finite() && adaptive.width > 0.0) {
-        ("adaptive.width", "must be above 0")
+        refuse("adaptive.width", "must be above 0")
     } else if !(adaptive.calibration > 0.0 && adaptive.calibration < 1.0) {
-        ("adaptive.calibration", "must lie between 0 and 1")
+        refuse("adaptive.calibration", "must lie between 0 and 1")
     } else {
-        return Ok(Some(adaptive));
-    };
-    refuse(key, why)
+        Ok(Some(adaptive))
+    }
 }
 
 fn test_surfaces(method: &MethodConfig, protocol: Protocol) -> Result<Option<usize>, Problem> {
@@ -144,17 +196,14 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
 }
 
 fn check_printed_row(method: &MethodConfig) -> Result<(), Problem> {
-    let Some(name) = method
-        .paper
-        .as_ref()
-        .filter(|name| paper::row(name).is_none())
-    else {
+    let Some(name) = &method.paper else {
         return Ok(());
     };
+    if paper::row(name).is_some() {
+        return Ok(());
+    }
     let names = paper::names();
-    let hint = match nearest(name, names.iter().map(String::as_str)) {
-        Some(nearest) => format!(", did you mean `{nearest}`?"),
-        None => format!("; it has {}", names.join(", ")),
-    };
-    refuse("paper", format!("the paper has no row `{name}`{hint}"))
+    let names = names.iter().map(String::as_str);
+    let unknown = UnknownName::new("row of the paper", name, names);
+    refuse("paper", unknown.to_string())
 }

@@ -8,20 +8,17 @@ mod grid;
 mod grid_words;
 mod layers;
 mod list;
-mod locate;
 mod looks;
 mod merge;
 mod method;
 mod schema;
 mod setting;
-mod written;
 
 pub use differing::{Differing, differing_keys};
 pub use encoder::{EncoderSpec, Network, WeightsSpec};
 pub use experiment::Experiment;
-pub use layers::Layers;
+pub use layers::{ConfigError, Layers};
 pub use list::list;
-pub use locate::ConfigError;
 pub use setting::Setting;
 
 pub use crate::data::DataSpec;

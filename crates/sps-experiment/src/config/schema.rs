@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
-use sps_dataset::SplitPlan;
+use sps_dataset::{Property, SplitPlan};
 use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
@@ -25,7 +25,7 @@ pub(crate) struct Config {
     pub description: String,
     pub seed: u64,
     pub reruns: usize,
-    pub properties: Vec<String>,
+    pub properties: Vec<Property>,
     pub data: DataConfig,
     pub split: Option<SplitPlan>,
     pub encoder: EncoderConfig,
@@ -303,10 +303,8 @@ mod tests {
             .map(|plan| keys_in::<SplitPlan>(&format!("[{plan}]")));
         for key in methods.iter().chain(inside.iter().chain(&splits).flatten()) {
             let row = |line: &str| line.starts_with('|') && line.contains(&format!("| `{key}` |"));
-            assert!(
-                page.lines().any(row),
-                "docs/config.md has no row for `{key}`"
-            );
+            let has_row = page.lines().any(row);
+            assert!(has_row, "docs/config.md has no row for `{key}`");
         }
     }
 }

@@ -51,7 +51,7 @@ pub struct Trained {
 pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
     let (source, about) = data::open(&experiment.data)?;
     let source = source.as_ref();
-    let method = experiment.methods[experiment.train.method].on(source)?;
+    let method = experiment.methods[experiment.kept].on(source)?;
     ensure!(
         !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
         "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
@@ -100,15 +100,14 @@ pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
 
 /// Which method [`train`] fits, why, and how another is chosen.
 pub fn which(experiment: &Experiment) -> String {
-    let train = &experiment.train;
-    let id = &experiment.methods[train.method].id;
+    let id = &experiment.methods[experiment.kept].id;
     let kept = |method: &&Method| method.estimator.regression().is_some() && method.id != *id;
     let others = experiment.methods.iter().filter(kept);
     let others: Vec<&str> = others.map(|method| method.id.as_str()).collect();
-    let why = if train.named {
-        "as `train.method` says"
-    } else {
+    let why = if experiment.train.method.is_empty() {
         "the last of the config's methods"
+    } else {
+        "as `train.method` says"
     };
     let others = match others.join(", ") {
         none if none.is_empty() => none,

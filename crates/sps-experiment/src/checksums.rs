@@ -113,13 +113,10 @@ pub fn ensure_finished(folder: &Path, names: &[&str]) -> Result<()> {
         "{shown}: no run has finished here since the last one began; {AGAIN}"
     );
     let damaged = damaged(folder)?;
-    match names
-        .iter()
-        .find(|file| damaged.iter().any(|name| name == *file))
-    {
-        Some(file) => bail!("{shown}/{file}: the checksum does not match its content; {AGAIN}"),
-        None => Ok(()),
+    if let Some(file) = damaged.iter().find(|name| names.contains(&&name[..])) {
+        bail!("{shown}/{file}: the checksum does not match its content; {AGAIN}");
     }
+    Ok(())
 }
 
 #[cfg(test)]

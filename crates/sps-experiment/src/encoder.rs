@@ -86,22 +86,19 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         name.to_string_lossy().into_owned()
     };
     let pixels = spec.resize.map(|pixels| format!(" of {pixels} pixels"));
-    let pixels = pixels.unwrap_or_default();
-    let frames = match &spec.network {
-        NetworkSpec::Sequences { frames, .. } => {
-            format!(", on {frames} equidistant frames{pixels}")
+    let resized = pixels.as_ref().map(|pixels| format!(", on frames{pixels}"));
+    let [pixels, resized] = [pixels, resized].map(Option::unwrap_or_default);
+    let (name, frames) = match &spec.network {
+        NetworkSpec::Images(kind) => (kind, resized),
+        NetworkSpec::Sequences { kind, frames } => {
+            (kind, format!(", on {frames} equidistant frames{pixels}"))
         }
-        _ if pixels.is_empty() => pixels,
-        _ => format!(", on frames{pixels}"),
-    };
-    let name = match &spec.network {
-        NetworkSpec::Images(kind) | NetworkSpec::Sequences { kind, .. } => kind,
         NetworkSpec::Onnx(file, settings) => {
             let outputs = match settings.outputs.join(" and ") {
                 all if all.is_empty() => String::new(),
                 some => format!(", at {some}"),
             };
-            return format!("the network in {}{outputs}{frames}", file_name(file));
+            return format!("the network in {}{outputs}{resized}", file_name(file));
         }
         NetworkSpec::Precomputed(file) => return format!("embeddings from {}", file_name(file)),
     };
@@ -110,24 +107,24 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         WeightsSpec::Untrained => "untrained, random weights".to_owned(),
         WeightsSpec::File(path) => format!("weights from {}", file_name(path)),
     };
-    let trained = match spec.training.as_ref().map(|training| &training.objective) {
-        Some(TrainingObjective::Linear {}) => ", then trained on each training part",
-        Some(TrainingObjective::Heads { .. }) => {
-            ", then trained through heads on each training part"
-        }
-        None => "",
-    };
     let unless_f32 = |words: &str, precision: Precision| match precision {
         Precision::F32 => String::new(),
         precision => format!(" {words} {precision}"),
     };
-    let maps = spec.training.as_ref().map(|training| training.precision);
-    let maps = unless_f32("on maps of", maps.unwrap_or(Precision::F32));
+    let trained = spec.training.as_ref().map(|training| {
+        let through = match training.objective {
+            TrainingObjective::Linear {} => "",
+            TrainingObjective::Heads { .. } => " through heads",
+        };
+        let maps = unless_f32("on maps of", training.precision);
+        format!(", then trained{through} on each training part{maps}")
+    });
+    let trained = trained.unwrap_or_default();
     let precision = unless_f32("in", spec.precision);
     let depths = match &spec.depths {
         Depths::Last => String::new(),
         Depths::All => ", at all depths".to_owned(),
         Depths::Named(names) => format!(", at {}", names.join(" and ")),
     };
-    format!("{name}{precision} with {weights}{depths}{frames}{trained}{maps}")
+    format!("{name}{precision} with {weights}{depths}{frames}{trained}")
 }

@@ -101,12 +101,9 @@ fn cannot_open(path: &Path) -> String {
 impl<R: Record> Journal<R> {
     /// Opens or creates the journal at `path` and reads what it holds.
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let file = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .create(true)
-            .open(path)
-            .with_context(|| cannot_open(path))?;
+        let mut options = OpenOptions::new();
+        let file = options.read(true).append(true).create(true).open(path);
+        let file = file.with_context(|| cannot_open(path))?;
         Ok(Self {
             path: path.to_owned(),
             records: read(&file, path)?,

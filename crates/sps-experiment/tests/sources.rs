@@ -26,6 +26,17 @@ pub fn twice(x: f64) -> f64 {
 use std::fs::{self, File};
 ";
 
+/// Files beside [`LIB`], and whether they decide.
+const OTHERS: [(&str, bool); 7] = [
+    ("a/src/tests.rs", false),
+    ("a/src/tests/more.rs", false),
+    ("a/tests/all.rs", false),
+    ("a/src/inner.rs", true),
+    ("a/src/data.toml", true),
+    ("sps-experiment/src/embeddings/embedder.rs", true),
+    ("sps-experiment/src/report.rs", false),
+];
+
 /// A repository with one crate and what else is hashed.
 struct Repository(TempDir);
 
@@ -33,34 +44,23 @@ impl Repository {
     fn new() -> Self {
         let repository = Self(tempfile::tempdir().unwrap());
         for name in sources::WATCHED {
-            repository.write(name, if name.contains('.') { "" } else { "/" });
+            if name.contains('.') {
+                repository.write(name, "");
+            } else {
+                fs::create_dir_all(repository.0.path().join(name)).unwrap();
+            }
         }
         repository.write("crates/a/src/lib.rs", LIB);
-        for name in ["inner.rs", "tests.rs", "tests/more.rs", "data.toml"] {
-            repository.write(&format!("crates/a/src/{name}"), "1");
-        }
-        repository.write("crates/a/tests/all.rs", "1");
-        for name in [
-            "sps-experiment/src/embeddings/embedder.rs",
-            "sps-experiment/src/report.rs",
-        ] {
-            repository.write(&format!("crates/{name}"), "FilterType::Triangle");
+        for (name, _) in OTHERS {
+            repository.write(&format!("crates/{name}"), "1");
         }
         repository
     }
 
-    /// A file or, where `text` is `/`, a folder.
     fn write(&self, name: &str, text: &str) {
         let path = self.0.path().join(name);
-        let folder = if text == "/" {
-            &path
-        } else {
-            path.parent().unwrap()
-        };
-        fs::create_dir_all(folder).unwrap();
-        if text != "/" {
-            fs::write(path, text).unwrap();
-        }
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
     }
 
     fn hash(&self) -> String {
@@ -99,19 +99,9 @@ fn what_is_compiled_decides_and_comments_layout_and_tests_do_not() {
         let matters = repository.matters("crates/a/src/lib.rs", from, to);
         assert_eq!(matters, decides, "{from}");
     }
-    for (name, decides) in [
-        ("src/tests.rs", false),
-        ("src/tests/more.rs", false),
-        ("tests/all.rs", false),
-        ("src/inner.rs", true),
-        ("src/data.toml", true),
-    ] {
-        let matters = repository.matters(&format!("crates/a/{name}"), "1", "2");
+    for (name, decides) in OTHERS {
+        let matters = repository.matters(&format!("crates/{name}"), "1", "2");
         assert_eq!(matters, decides, "{name}");
-    }
-    for (name, matters) in [("embeddings/embedder.rs", true), ("report.rs", false)] {
-        let name = format!("crates/sps-experiment/src/{name}");
-        assert_eq!(repository.matters(&name, "Triangle", "Lanczos3"), matters);
     }
     repository.write("Cargo.lock", "[package]");
     assert_ne!(repository.hash(), Repository::new().hash());

@@ -134,12 +134,8 @@ fn encode_missing(
         );
         let values = encoded?;
         let keys: Vec<FrameKey> = chunk.iter().map(|(key, ..)| *key).collect();
-        let width = embedder.width();
-        rows.extend(
-            keys.iter()
-                .zip(values.chunks_exact(width))
-                .map(|(key, row)| (*key, row.to_vec())),
-        );
+        let new = keys.iter().zip(values.chunks_exact(embedder.width()));
+        rows.extend(new.map(|(key, row)| (*key, row.to_vec())));
         cache.put(&Segment { keys, values })?;
         progress.advance(chunk.len());
         ensure_wanted()?;

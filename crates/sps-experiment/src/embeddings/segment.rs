@@ -64,24 +64,17 @@ impl Segment {
         let tensors = SafeTensors::deserialize(&bytes).with_context(failed)?;
         let keys = tensors.tensor(KEYS).with_context(failed)?;
         let values = tensors.tensor(EMBEDDINGS).with_context(failed)?;
-        let stored = metadata.metadata().as_ref().and_then(|m| m.get(CHECKSUM));
-        ensure!(
-            stored == Some(&checksum(&[keys.data(), values.data()])),
-            "{}: the checksum does not match its content",
-            path.display()
-        );
+        ensure_whole(path, &metadata, CHECKSUM, &[keys.data(), values.data()])?;
         let rows = keys.shape().first().copied().unwrap_or_default();
-        let of_keys = (keys.dtype(), keys.shape()) == (Dtype::U8, &[rows, KEY_BYTES]);
-        let of_values = (values.dtype(), values.shape()) == (Dtype::F32, &[rows, width]);
+        let found = [&keys, &values].map(|tensor| (tensor.dtype(), tensor.shape()));
+        let expected = [
+            (Dtype::U8, &[rows, KEY_BYTES][..]),
+            (Dtype::F32, &[rows, width][..]),
+        ];
         ensure!(
-            of_keys && of_values,
-            "{}: found `keys` {:?} {:?} and `embeddings` {:?} {:?}, expected U8 [{rows}, {KEY_BYTES}] and F32 \
-             [{rows}, {width}]",
-            path.display(),
-            keys.dtype(),
-            keys.shape(),
-            values.dtype(),
-            values.shape()
+            found == expected,
+            "{}: found `keys` and `embeddings` {found:?}, expected {expected:?}",
+            path.display()
         );
         let values = values.data().chunks_exact(4);
         let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
@@ -118,20 +111,23 @@ impl Segment {
         file.seek(begins).with_context(failed)?;
         let mut keys = vec![0; end - start];
         file.read_exact(&mut keys).with_context(failed)?;
-        let stored = metadata.metadata().as_ref();
-        let stored = stored.and_then(|stored| stored.get(KEYS_CHECKSUM));
-        ensure!(
-            stored == Some(&checksum(&[&keys])),
-            "{}: the checksum does not match its keys",
-            path.display()
-        );
+        ensure_whole(path, &metadata, KEYS_CHECKSUM, &[&keys])?;
         Ok(frame_keys(&keys))
     }
 }
 
+/// That the checksum of this name is that of these parts of the file.
+fn ensure_whole(path: &Path, metadata: &Metadata, name: &str, parts: &[&[u8]]) -> Result<()> {
+    let stored = metadata.metadata().as_ref().and_then(|all| all.get(name));
+    ensure!(
+        stored == Some(&checksum(parts)),
+        "{}: the {name} does not match its content",
+        path.display()
+    );
+    Ok(())
+}
+
 fn frame_keys(bytes: &[u8]) -> Vec<FrameKey> {
-    bytes
-        .chunks_exact(KEY_BYTES)
-        .filter_map(|key| key.try_into().ok())
-        .collect()
+    let (keys, _) = bytes.as_chunks::<KEY_BYTES>();
+    keys.to_vec()
 }

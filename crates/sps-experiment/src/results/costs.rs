@@ -38,14 +38,11 @@ impl Costs {
             terms.sum::<Number>().filter(|_| !all.is_empty())
         };
         let memory = all.iter().filter_map(|(_, costs)| costs.peak_memory_bytes);
-        let frames = [
-            sum(|costs| Some(costs.frames_decoded_per_surface)),
-            sum(|costs| Some(costs.frames_encoded_per_surface)),
-        ];
-        let [decoded, encoded] = frames.map(Option::unwrap_or_default);
+        let decoded = sum(|costs| Some(costs.frames_decoded_per_surface));
+        let encoded = sum(|costs| Some(costs.frames_encoded_per_surface));
         Self {
-            frames_decoded_per_surface: decoded,
-            frames_encoded_per_surface: encoded,
+            frames_decoded_per_surface: decoded.unwrap_or_default(),
+            frames_encoded_per_surface: encoded.unwrap_or_default(),
             predict_seconds_per_surface: sum(|costs| costs.predict_seconds_per_surface),
             decode_seconds_per_surface: sum(|costs| costs.decode_seconds_per_surface),
             encode_seconds_per_surface: sum(|costs| costs.encode_seconds_per_surface),

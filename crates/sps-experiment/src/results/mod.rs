@@ -261,10 +261,8 @@ impl Results {
 
     /// The methods that all others are compared with.
     pub fn compared_with(&self) -> Vec<&MethodResult> {
-        self.against
-            .iter()
-            .filter_map(|id| self.method(id))
-            .collect()
+        let against = self.against.iter();
+        against.filter_map(|id| self.method(id)).collect()
     }
 
     /// What the intervals are and count.
@@ -279,9 +277,8 @@ impl Results {
 
     /// The unit of a property; empty where it has none.
     pub fn unit_of(&self, code: &str) -> &str {
-        self.described
-            .get(code)
-            .map_or("", |known| known.unit.as_str())
+        let known = self.described.get(code);
+        known.map_or("", |known| known.unit.as_str())
     }
 
     /// The unit that all properties share; `None` where they differ.

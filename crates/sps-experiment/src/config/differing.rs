@@ -35,25 +35,21 @@ fn tables(prefix: &str, first: &Table, second: &Table, found: &mut Vec<Differing
     let added = second.keys().filter(|key| !first.contains_key(*key));
     for key in first.keys().chain(added) {
         let [first, second] = [first, second].map(|table| table.get(key));
-        values(&format!("{prefix}{key}"), first, second, found);
+        if first == second {
+            continue;
+        }
+        let key = format!("{prefix}{key}");
+        let within = first.zip(second).and_then(|(first, second)| {
+            let named = by_id(first).zip(by_id(second));
+            named.or_else(|| Some((first.as_table()?.clone(), second.as_table()?.clone())))
+        });
+        if let Some((first, second)) = within {
+            tables(&format!("{key}."), &first, &second, found);
+        } else {
+            let [first, second] = [first, second].map(|value| value.map(ToString::to_string));
+            found.push(Differing { key, first, second });
+        }
     }
-}
-
-fn values(key: &str, first: Option<&Value>, second: Option<&Value>, found: &mut Vec<Differing>) {
-    if first == second {
-        return;
-    }
-    let within = first.zip(second).and_then(|(first, second)| {
-        let named = by_id(first).zip(by_id(second));
-        named.or_else(|| Some((first.as_table()?.clone(), second.as_table()?.clone())))
-    });
-    if let Some((first, second)) = within {
-        tables(&format!("{key}."), &first, &second, found);
-        return;
-    }
-    let [first, second] = [first, second].map(|value| value.map(ToString::to_string));
-    let key = key.to_owned();
-    found.push(Differing { key, first, second });
 }
 
 /// An array of tables that have an `id` each, as a table.

@@ -9,10 +9,9 @@ use sps_estimator::Regression;
 use sps_metrics::Level;
 
 use super::encoder::encoder;
-use super::layers::{ConfigError, Layers};
+use super::layers::{ConfigError, Layers, Setting};
 use super::method::{Method, methods, written};
 use super::schema::{Config, SpeedConfig, TrainConfig};
-use super::setting::Setting;
 use crate::data::{self, DataSpec, Protocol};
 use crate::files::read_text;
 use crate::work::Work;

@@ -117,14 +117,9 @@ pub(super) fn below(key: &str, name: &str) -> String {
 
 fn point(value: &Value) -> Point {
     let mut value = value.clone();
-    let called = match &mut value {
-        Value::Table(table) => table.remove("as"),
-        _ => None,
-    };
-    Point {
-        value,
-        called: called.map(|name| id_word(&name)),
-    }
+    let called = value.as_table_mut().and_then(|table| table.remove("as"));
+    let called = called.map(|name| id_word(&name));
+    Point { value, called }
 }
 
 fn combinations(axes: &[Axis]) -> Vec<Combination<'_>> {

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 use std::path::Path;
+use std::str::FromStr;
 
 use serde::de::DeserializeOwned;
 use serde_path_to_error::{Path as KeyPath, Segment};
@@ -12,7 +13,41 @@ use toml::{Table, Value};
 
 use super::grid::{below, expand};
 use super::merge::{apply, inherit, merge, take_back};
-use super::setting::Setting;
+
+/// One `--set KEY=VALUE`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Dotted, an index where the key is a list: `methods.0.id`.
+    pub key: String,
+    /// Parsed as TOML, or else taken as a string.
+    pub value: Value,
+}
+
+impl Setting {
+    /// That a key has a value.
+    pub fn new(key: &str, value: impl Into<Value>) -> Self {
+        Self {
+            key: key.to_owned(),
+            value: value.into(),
+        }
+    }
+}
+
+impl FromStr for Setting {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('=');
+        let (key, value) = parts.ok_or_else(|| format!("`{text}` is not KEY=VALUE"))?;
+        let key = key.trim();
+        if key.is_empty() || key.split('.').any(str::is_empty) {
+            return Err(format!("`{key}` is not a key like `training.epochs`"));
+        }
+        let parsed = format!("v = {value}").parse::<Table>().ok();
+        let parsed = parsed.and_then(|mut table| table.remove("v"));
+        Ok(Self::new(key, parsed.unwrap_or_else(|| value.into())))
+    }
+}
 
 /// The text of a config, what it overrides and what overrides it.
 pub struct Layers<'a> {

@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::setting::Setting;
+use super::layers::Setting;
 
 /// Keys that say which of several kinds of table a table is.
 const TAGS: [&str; 2] = ["kind", "source"];
@@ -78,11 +78,8 @@ fn put(at: &mut Value, key: &str, new: Value) -> Result<String, String> {
     };
     let (step, place) = match at {
         Value::Table(table) => {
-            let place = table.entry(step);
-            (
-                step.to_owned(),
-                place.or_insert_with(|| Value::Table(Table::new())),
-            )
+            let place = table.entry(step).or_insert(Value::Table(Table::new()));
+            (step.to_owned(), place)
         }
         Value::Array(list) => {
             let index = index(list, step)?;

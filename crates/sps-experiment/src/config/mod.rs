@@ -12,14 +12,12 @@ mod looks;
 mod merge;
 mod method;
 mod schema;
-mod setting;
 
 pub use differing::{Differing, differing_keys};
 pub use encoder::{EncoderSpec, Network, WeightsSpec};
 pub use experiment::Experiment;
-pub use layers::{ConfigError, Layers};
+pub use layers::{ConfigError, Layers, Setting};
 pub use list::list;
-pub use setting::Setting;
 
 pub use crate::data::DataSpec;
 

@@ -1,11 +1,7 @@
 //! The way back through an activation, against its definition.
 
-use super::{by, laid_out, noise};
+use super::*;
 use crate::ops::activated::activation_gradient;
-use crate::ops::grid::{Grid, Window, pixels};
-use crate::ops::product::Activation;
-use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Real};
 
 const CHANNELS: usize = 34;
 

@@ -3,17 +3,12 @@
 
 use half::bf16;
 
-use super::super::bands::Threads;
-use super::super::batch_norm::{FrameSums, Norm, NormGradients, Slopes};
-use super::super::grid::{Grid, Window, pixels};
-use super::super::pointwise::Shortcut;
-use super::super::pool::{max_pool, max_pool_backward};
-use super::super::product::Activation;
-use super::super::simd::Level;
-use super::super::statistics::ChannelStatistics;
-use super::super::words::{Bf16Pair, Real, Word};
-use super::conv::Case;
-use super::{check_pooling_and_means, check_sums, gradients, laid_out, narrow, noise, shape};
+use super::conv::cases;
+use super::*;
+use crate::ops::batch_norm::{FrameSums, Norm, NormGradients, Slopes};
+use crate::ops::pointwise::Shortcut;
+use crate::ops::pool::max_pool_backward;
+use crate::ops::statistics::ChannelStatistics;
 
 fn rounded(values: &[f64]) -> Vec<f64> {
     super::rounded::<Bf16Pair>(values)
@@ -22,41 +17,9 @@ fn rounded(values: &[f64]) -> Vec<f64> {
 /// What a number differs by once it is rounded to eight bits.
 const ROUNDING: f64 = 1.0 / 256.0;
 
-/// Convolutions of maps of such heights and widths.
-fn cases() -> Vec<Case> {
-    let point = Window::square(1, 1, 0);
-    let [square, jumping] = [1, 2].map(|stride| Window::square(3, stride, 1));
-    let mut cases = vec![
-        (shape(point, 64, 48, 1), [5, 7]),
-        (shape(point, 300, 32, 1), [1, 1]),
-        (shape(Window::square(1, 2, 0), 32, 64, 1), [7, 5]),
-        (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
-        (shape(square, 16, 80, 1), [6, 5]),
-        // By fewer products in inference.
-        (shape(square, 32, 48, 1), [11, 10]),
-        (shape(jumping, 40, 24, 1), [23, 20]),
-        // Columns that fill no vector.
-        (shape(point, 6, 10, 1), [3, 3]),
-        (shape(point, 300, 34, 1), [1, 1]),
-        (shape(square, 40, 40, 40), [7, 6]),
-        (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
-    ];
-    for window in [square, jumping] {
-        let groups = [
-            (128, 32, [9, 6]),
-            (64, 8, [6, 9]),
-            (64, 4, [5, 5]),
-            (64, 2, [4, 3]),
-        ];
-        cases.extend(groups.map(|(n, groups, size)| (shape(window, n, n, groups), size)));
-    }
-    let case = |(shape, size)| Case::of_image(shape, size);
-    cases.into_iter().map(case).collect()
-}
-
 #[test]
 fn convolutions() {
-    for case in cases() {
+    for case in cases::<Bf16Pair>() {
         let weights = rounded(&noise(case.weights(), 2));
         // Sums of as many products as there are, each of at most 1, in f32.
         let slack = 1e-6 * (case.weights() / case.shape.outputs) as f64;
@@ -80,7 +43,7 @@ fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
 
 #[test]
 fn gradients_of_convolutions() {
-    for case in cases() {
+    for case in cases::<Bf16Pair>() {
         let (shape, case) = (case.shape, Case { frames: 2, ..case });
         let weights = narrow(&rounded(&noise(case.weights(), 1)));
         let [of_weights, input] = gradients(Level::detect(), &case, &weights, map::<f32>);

@@ -3,18 +3,13 @@
 
 use proptest::prelude::*;
 
-use super::super::bands::Threads;
-use super::super::conv::{Conv, ConvShape};
-use super::super::grid::{Grid, Window};
-use super::super::product::{Columns, Epilogue};
-use super::super::simd::{Kernel, Lanes, Level};
-use super::super::words::{Bytes, Word};
-use super::conv::Case;
-use super::{check_pooling_and_means, convolved, inside, narrow, noise, shape, whole};
+use super::conv::cases;
+use super::*;
+use crate::ops::simd::{Kernel, Lanes};
 
 /// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
-fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
-    let case = Case::of_image(shape, size);
+fn check(case: &Case, seed: u64) {
+    let shape = case.shape;
     let values = whole(case.numbers(), seed, [0.0, 255.0]);
     let mut weights = whole(case.weights(), seed + 1, [-127.0, 127.0]);
     // A channel of nothing but zeros.
@@ -57,24 +52,8 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
 
 #[test]
 fn convolutions() {
-    let point = Window::square(1, 1, 0);
-    let (square, jumping) = (Window::square(3, 1, 1), Window::square(3, 2, 1));
-    check(shape(point, 64, 48, 1), [5, 7], 1);
-    check(shape(point, 300, 32, 1), [1, 1], 2);
-    check(shape(Window::square(1, 2, 0), 32, 64, 1), [7, 5], 3);
-    check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13], 4);
-    // Columns that fill no vector.
-    check(shape(point, 8, 12, 1), [3, 3], 5);
-    check(shape(square, 16, 80, 1), [6, 5], 6);
-    for window in [square, jumping] {
-        for groups in [32, 16, 8, 4] {
-            check(shape(window, 128, 128, groups), [9, 6], 7);
-        }
-        for channels in [4, 24, 64, 144] {
-            check(shape(window, channels, channels, channels), [6, 9], 8);
-            let wide = Window::same([1, 5, 5], window.stride, [1, 7, 10]);
-            check(shape(wide, channels, channels, channels), [7, 10], 9);
-        }
+    for (case, seed) in cases::<Bytes>().iter().zip(1..) {
+        check(case, seed);
     }
 }
 
@@ -96,7 +75,7 @@ proptest! {
         } else {
             shape(window, inputs, outputs, 1)
         };
-        check(shape, size, seed);
+        check(&Case::of_image(shape, size), seed);
     }
 }
 

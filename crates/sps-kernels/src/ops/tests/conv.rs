@@ -1,7 +1,4 @@
-use super::{check, distance, narrow, noise, shape, wide};
-use crate::ops::conv::ConvShape;
-use crate::ops::grid::{Grid, Window, pixels};
-use crate::ops::words::Word;
+use super::*;
 use crate::{Convolution, MaxPooling};
 
 #[derive(Clone, Copy)]
@@ -129,6 +126,57 @@ impl Case {
             self.reference(&x[0], &x[1])
         });
     }
+}
+
+/// Convolutions of one image by every kernel of maps of such words: those whose channels fill them.
+pub(super) fn cases<W: Word>() -> Vec<Case> {
+    let point = Window::square(1, 1, 0);
+    let [square, jumping] = [1, 2].map(|stride| Window::square(3, stride, 1));
+    let case = |window, channels, [height, width]: [usize; 2]| {
+        Case::new(1, image(height, width), channels, window)
+    };
+    let mut cases = vec![
+        case(point, [64, 48, 1], [5, 7]),
+        case(point, [300, 32, 1], [1, 1]),
+        case(Window::square(1, 2, 0), [32, 64, 1], [7, 5]),
+        case(Window::square(1, 2, 0), [24, 64, 1], [7, 5]),
+        case(Window::square(7, 2, 3), [4, 64, 1], [15, 13]),
+        case(square, [16, 80, 1], [6, 5]),
+        case(square, [40, 80, 1], [6, 17]),
+        case(jumping, [40, 24, 1], [23, 20]),
+        // By fewer products in inference.
+        case(square, [32, 48, 1], [11, 10]),
+        case(square, [64, 32, 1], [11, 10]),
+        // Columns that fill no vector, channels that fill no word.
+        case(point, [8, 12, 1], [3, 3]),
+        case(point, [6, 10, 1], [3, 3]),
+        case(point, [7, 10, 1], [3, 3]),
+        case(point, [300, 34, 1], [1, 1]),
+        case(square, [40; 3], [7, 6]),
+        case(Window::square(5, 2, 2), [96; 3], [9, 11]),
+    ];
+    for window in [square, jumping] {
+        cases.extend([32, 16, 8, 4].map(|groups| case(window, [128, 128, groups], [9, 6])));
+        cases.extend([
+            case(window, [64, 64, 8], [6, 9]),
+            case(window, [64, 64, 4], [5, 5]),
+            case(window, [64, 64, 2], [4, 3]),
+            case(window, [64, 64, 2], [5, 5]),
+            case(window, [64; 3], [5, 5]),
+        ]);
+        let wide = Window::same([1, 5, 5], window.stride, [1, 7, 10]);
+        for channels in [4, 24, 64, 144] {
+            cases.push(case(window, [channels; 3], [6, 9]));
+            cases.push(case(wide, [channels; 3], [7, 10]));
+        }
+    }
+    let fills_words = |case: &Case| {
+        let own = case.shape.depthwise();
+        let whole = |channels: usize| own || channels.is_multiple_of(W::NUMBERS);
+        whole(case.shape.group_inputs()) && whole(case.shape.group_outputs())
+    };
+    cases.retain(fills_words);
+    cases
 }
 
 /// Each pixel of an output with each tap of the window and the pixel of the input under it, `None` in the padding;

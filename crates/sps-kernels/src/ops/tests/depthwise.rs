@@ -1,13 +1,6 @@
 //! Convolution of each channel by itself, against its definition in f64.
 
-use super::super::bands::Threads;
-use super::super::conv::Conv;
-use super::super::grid::{Grid, Window};
-use super::super::product::{Activation, Epilogue};
-use super::super::simd::Level;
-use super::super::words::{Bf16Pair, Word};
-use super::conv::Case;
-use super::{check_sums, noise, shape};
+use super::*;
 
 /// With a border wider than the window's, as another reader may need it.
 fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f64) {

@@ -2,8 +2,7 @@
 
 use safetensors::SafeTensors;
 
-use super::super::grid::Window;
-use super::{narrow, shape, wide};
+use super::*;
 use crate::golden::{error, uniform};
 use crate::{Convolution, MaxPooling};
 

@@ -1,13 +1,11 @@
 //! Batch norm where it has nothing to divide by.
 
-use super::others::batch_norm;
-use super::{distance, narrow, noise, wide};
-
-const EPS: f64 = 1e-5;
+use super::others::{EPS, batch_norm};
+use super::*;
 
 /// Output and gradients of batch norm, in the order x, gamma, beta.
-fn run(dims: &[usize], inputs: [&[f64]; 3], cotangent: &[f64]) -> [Vec<f64>; 4] {
-    let (y, gradients, _) = batch_norm(dims, &inputs.map(narrow), EPS, false, &narrow(cotangent));
+fn run(dims: [usize; 5], inputs: [&[f64]; 3], cotangent: &[f64]) -> [Vec<f64>; 4] {
+    let (y, gradients, _) = batch_norm(dims, &inputs.map(narrow), false, &narrow(cotangent));
     let [of_x, of_gamma, of_beta] = &gradients[..] else {
         unreachable!()
     };
@@ -19,7 +17,7 @@ fn a_constant_channel() {
     for value in [0.0, 0.7, 1e4, 1e-40] {
         let cotangent = noise(12, 3);
         let inputs: [&[f64]; 3] = [&[value; 12], &[1.5], &[-0.25]];
-        let [y, dx, dgamma, dbeta] = run(&[2, 2, 3, 1], inputs, &cotangent);
+        let [y, dx, dgamma, dbeta] = run([2, 1, 2, 3, 1], inputs, &cotangent);
         // Nothing deviates: the output is beta, and a gradient is divided by sqrt(eps).
         assert_eq!(y, [-0.25; 12]);
         let sum: f64 = cotangent.iter().sum();
@@ -35,7 +33,7 @@ fn a_constant_channel() {
 fn values_of_ten_thousand() {
     let x: Vec<f64> = noise(2 * 5 * 5 * 4, 1).iter().map(|v| v * 1e4).collect();
     let cotangent = noise(x.len(), 2);
-    let found = run(&[2, 5, 5, 4], [&x, &[1.0; 4], &[1.0; 4]], &cotangent);
+    let found = run([2, 1, 5, 5, 4], [&x, &[1.0; 4], &[1.0; 4]], &cotangent);
     assert!(found.iter().flatten().all(|v| v.is_finite()));
     // The gradient in closed form, in f64.
     let mut expected = vec![0.0; x.len()];

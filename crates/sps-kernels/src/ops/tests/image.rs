@@ -1,15 +1,9 @@
 //! Convolutions of images against their definition: windows that begin within words, at every stride.
 
-use super::conv::Case;
-use super::{distance, inside, laid_out, narrow, whole, wide};
-use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::conv::Conv;
+use super::*;
+use crate::ops::bands::inside_pool;
 use crate::ops::conv_weight::weight_gradient_of_images;
-use crate::ops::grid::{Grid, Window};
 use crate::ops::image::rows_of_words;
-use crate::ops::product::Epilogue;
-use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Bytes, Real, Word};
 
 /// Two images or sequences; windows one to seven pixels wide, whose places lie one to four pixels apart.
 fn cases() -> Vec<Case> {

@@ -19,12 +19,12 @@ use super::bands::Threads;
 use super::conv::{Conv, ConvShape};
 use super::conv_input::ConvTranspose;
 use super::conv_weight::weight_gradient;
-use super::grid::{Grid, Window};
+use super::grid::{Grid, Window, pixels};
 use super::mean::frame_means;
 use super::pool::max_pool;
-use super::product::{Activation, Epilogue};
+use super::product::{Activation, Columns, Epilogue};
 use super::simd::Level;
-use super::words::{Real, Word};
+use super::words::{Bf16Pair, Bytes, Real, Word};
 use conv::Case;
 
 /// A function of several flat arrays, in f64.
@@ -197,13 +197,9 @@ fn check_pooling_and_means<W: Word>(values: &[f64], is_mean: fn(f32, f64) -> boo
     });
 }
 
-/// The layout of `(frames, [time,] height, width, channels)`; rows of all times are one above the
-/// other.
-fn grid(dims: &[usize]) -> Grid {
-    let [frames, between @ .., width, channels] = dims else {
-        panic!("{dims:?}");
-    };
-    Grid::tight(*frames, [1, between.iter().product(), *width], *channels)
+/// The layout of `(frames, time, height, width, channels)`.
+fn grid([frames, size @ .., channels]: [usize; 5]) -> Grid {
+    Grid::tight(frames, size, channels)
 }
 
 /// The largest difference, relative to the largest number expected.

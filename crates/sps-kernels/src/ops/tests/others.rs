@@ -1,13 +1,10 @@
 //! Pooling, batch norm and the end of a residual branch, against their definitions in f64.
 
 use super::conv::taps;
-use super::{check, distance, grid, narrow, noise, wide};
+use super::*;
 use crate::MaxPooling;
 use crate::ops::batch_norm::{Norm, NormGradients, Slopes};
-use crate::ops::grid::{Window, pixels};
 use crate::ops::pointwise::Shortcut;
-use crate::ops::product::Activation;
-use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 
 /// Numbers far enough apart that no two change places within a step of the differences.
@@ -78,14 +75,13 @@ fn equal_values_give_their_gradient_once() {
     );
 }
 
-const EPS: f64 = 1e-5;
+pub(super) const EPS: f64 = 1e-5;
 
-/// A feature map `(frames, [time,] height, width, channels)` by the batch's own statistics, rectified where `relu`
+/// A feature map `(frames, time, height, width, channels)` by the batch's own statistics, rectified where `relu`
 /// says so; the gradients of map, gamma and beta; the statistics.
 pub(super) fn batch_norm(
-    dims: &[usize],
+    dims: [usize; 5],
     inputs: &[Vec<f32>],
-    eps: f64,
     relu: bool,
     gradient: &[f32],
 ) -> (Vec<f32>, Vec<Vec<f32>>, ChannelStatistics) {
@@ -95,7 +91,7 @@ pub(super) fn batch_norm(
     let (grid, level) = (grid(dims), Level::detect());
     let activation = [Activation::Identity, Activation::Relu][usize::from(relu)];
     let statistics = ChannelStatistics::of(level, x, &grid);
-    let norm = Norm::new(&statistics, gamma, beta, eps);
+    let norm = Norm::new(&statistics, gamma, beta, EPS);
     let mut y = vec![0.0; grid.len()];
     norm.apply(level, (x, &grid), None, (&mut y, &grid), activation);
     let sums = norm.sums(level, x, gradient, &grid, activation);
@@ -127,18 +123,18 @@ pub(super) fn norm_reference(x: &[Vec<f64>], relu: bool) -> Vec<f64> {
 #[test]
 fn batch_norm_in_training() {
     for (name, dims) in [
-        ("odd", vec![3, 5, 3, 7]),
-        ("one channel", vec![2, 3, 3, 1]),
-        ("four numbers", vec![4, 1, 1, 5]),
-        ("batch 1, long", vec![1, 2, 40, 17]),
-        ("three dimensions", vec![2, 3, 2, 2, 4]),
+        ("odd", [3, 1, 5, 3, 7]),
+        ("one channel", [2, 1, 3, 3, 1]),
+        ("four numbers", [4, 1, 1, 1, 5]),
+        ("batch 1, long", [1, 1, 2, 40, 17]),
+        ("three dimensions", [2, 3, 2, 2, 4]),
     ] {
-        let channels = dims[dims.len() - 1];
+        let channels = dims[4];
         let x = noise(dims.iter().product(), 1);
         let inputs = [x, noise(channels, 2), noise(channels, 3)];
         for relu in [false, true] {
             let operator = |x: &[Vec<f32>], gradient: &[f32]| {
-                let (y, gradients, _) = batch_norm(&dims, x, EPS, relu, gradient);
+                let (y, gradients, _) = batch_norm(dims, x, relu, gradient);
                 (y, gradients)
             };
             let name = format!("{name}, relu {relu}");
@@ -151,7 +147,7 @@ fn batch_norm_in_training() {
 fn batch_norm_reports_the_batch() {
     let values = noise(2 * 3 * 3 * 2, 1);
     let inputs = [narrow(&values), vec![1.0; 2], vec![1.0; 2]];
-    let (_, _, found) = batch_norm(&[2, 3, 3, 2], &inputs, EPS, false, &[0.0; 36]);
+    let (_, _, found) = batch_norm([2, 1, 3, 3, 2], &inputs, false, &[0.0; 36]);
     assert_eq!(found.count, 18);
     for c in 0..2 {
         let channel: Vec<f64> = values.iter().skip(c).step_by(2).copied().collect();
@@ -162,10 +158,10 @@ fn batch_norm_reports_the_batch() {
     }
 }
 
-/// `relu(x * gate + shortcut)` of feature maps `(frames, [time,] height, width, channels)` and a gate
+/// `relu(x * gate + shortcut)` of feature maps `(frames, time, height, width, channels)` and a gate
 /// `(frames, channels)`, and their gradients.
 fn gated_residual(
-    dims: &[usize],
+    dims: [usize; 5],
     inputs: &[Vec<f32>],
     gradient: &[f32],
 ) -> (Vec<f32>, Vec<Vec<f32>>) {
@@ -204,8 +200,8 @@ fn identity(channels: usize) -> Norm {
 
 #[test]
 fn the_end_of_a_residual_branch() {
-    for dims in [vec![3, 2, 5, 7], vec![1, 1, 1, 1], vec![2, 2, 1, 3, 16]] {
-        let (frames, channels) = (dims[0], dims[dims.len() - 1]);
+    for dims in [[3, 1, 2, 5, 7], [1; 5], [2, 2, 1, 3, 16]] {
+        let [frames, .., channels] = dims;
         let len: usize = dims.iter().product();
         let inputs = [noise(len, 1), noise(frames * channels, 2), noise(len, 3)];
         let per_frame = len / frames;
@@ -216,7 +212,7 @@ fn the_end_of_a_residual_branch() {
             };
             (0..len).map(end).collect()
         };
-        let operator = |x: &[Vec<f32>], gradient: &[f32]| gated_residual(&dims, x, gradient);
+        let operator = |x: &[Vec<f32>], gradient: &[f32]| gated_residual(dims, x, gradient);
         check(&format!("{dims:?}"), &inputs, &operator, &reference);
     }
 }
@@ -229,7 +225,7 @@ fn large_offsets_cost_batch_norm_no_digits() {
     let x = [values, vec![1.0, 0.5, 2.0], vec![0.0, 1.0, -1.0]];
     let inputs: Vec<Vec<f32>> = x.iter().map(|values| narrow(values)).collect();
     let gradient = vec![0.0; inputs[0].len()];
-    let (found, ..) = batch_norm(&[4, 6, 6, 3], &inputs, EPS, false, &gradient);
+    let (found, ..) = batch_norm([4, 1, 6, 6, 3], &inputs, false, &gradient);
     // E[x^2] - E[x]^2 in f32 has no digit left here.
     let error = distance(&wide(&found), &norm_reference(&x, false));
     assert!(error < 5e-4, "{error:.1e}");

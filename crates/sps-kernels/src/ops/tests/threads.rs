@@ -6,14 +6,8 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::conv::Case;
-use super::{by, noise, shape};
-use crate::ops::bands::{SPIN, Threads, by_team, for_each_band, inside_pool, pass};
-use crate::ops::conv::Conv;
-use crate::ops::grid::{Grid, Window};
-use crate::ops::product::{Activation, Columns, Epilogue};
-use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Bytes, Real, Word};
+use super::*;
+use crate::ops::bands::{SPIN, by_team, for_each_band, inside_pool, pass};
 
 /// Numbers whose sums depend on their order, but where words hold whole ones alone.
 fn numbers<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<f32> {

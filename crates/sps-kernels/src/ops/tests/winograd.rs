@@ -1,14 +1,7 @@
 //! Convolutions by fewer products, against their definition and the same bits whatever is beside.
 
-use super::conv::Case;
-use super::{by, convolved, distance, laid_out, narrow, noise, wide};
-use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::conv::Conv;
-use crate::ops::conv_input::ConvTranspose;
-use crate::ops::conv_weight::weight_gradient;
-use crate::ops::grid::{Grid, Window, pixels};
-use crate::ops::product::{Activation, Columns, Epilogue};
-use crate::ops::simd::Level;
+use super::*;
+use crate::ops::bands::inside_pool;
 
 /// Two frames; as many channels as either size of tiles serves, extents that tiles fill and that they do not.
 fn cases() -> Vec<Case> {

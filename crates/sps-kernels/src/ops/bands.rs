@@ -62,7 +62,7 @@ pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// none from outside: neither would be over before the other.
 pub(crate) fn pass<T: Send>(threads: usize, spin: Duration, work: impl FnOnce() -> T + Send) -> T {
     let run = |work| {
-        let _awake = Awake::new(threads, spin);
+        let _awake = awake(threads, spin);
         by_team(threads, work)
     };
     if rayon::current_thread_index().is_some() {
@@ -83,14 +83,18 @@ fn in_pass() -> bool {
 
 /// Does `work`, which so many threads share.
 pub(crate) fn by_team<T>(threads: usize, work: impl FnOnce() -> T) -> T {
-    struct Before(usize);
-    impl Drop for Before {
-        fn drop(&mut self) {
-            TEAM.set(self.0);
-        }
-    }
-    let _before = Before(TEAM.replace(threads));
+    let before = TEAM.replace(threads);
+    let _restored = AtEnd(|| TEAM.set(before));
     work()
+}
+
+/// Does something when it is dropped, also by a panic.
+struct AtEnd<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for AtEnd<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
 }
 
 /// How many threads share the work of the caller.
@@ -101,30 +105,20 @@ fn team() -> usize {
     }
 }
 
-/// Has other threads of the pool look for work until it is dropped.
-struct Awake(Arc<AtomicBool>);
-
-impl Awake {
-    fn new(threads: usize, spin: Duration) -> Self {
-        let over = Arc::new(AtomicBool::new(false));
-        let threads = if spin.is_zero() { 1 } else { threads };
-        for _ in 1..threads {
-            let over = Arc::clone(&over);
-            rayon::spawn(move || {
-                // Taken up where a thread waits within a pass, or is awake already: for the later one, then.
-                if !in_pass() && AWAKE_FOR.replace(Some(over)).is_none() {
-                    look_for_work(spin);
-                }
-            });
-        }
-        Self(over)
+/// Has other threads of the pool look for work until what it returns is dropped.
+fn awake(threads: usize, spin: Duration) -> AtEnd<impl FnMut()> {
+    let over = Arc::new(AtomicBool::new(false));
+    let threads = if spin.is_zero() { 1 } else { threads };
+    for _ in 1..threads {
+        let over = Arc::clone(&over);
+        rayon::spawn(move || {
+            // Taken up where a thread waits within a pass, or is awake already: for the later one, then.
+            if !in_pass() && AWAKE_FOR.replace(Some(over)).is_none() {
+                look_for_work(spin);
+            }
+        });
     }
-}
-
-impl Drop for Awake {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
+    AtEnd(move || over.store(true, Ordering::Relaxed))
 }
 
 /// Does pieces of the pool's work until the pass is over or there was none for so long.
@@ -193,7 +187,7 @@ pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + S
     rayon::scope(|scope| {
         for _ in 0..helpers {
             scope.spawn(|_| {
-                let _done = Done(&done);
+                let _done = AtEnd(|| _ = done.fetch_add(1, Ordering::Relaxed));
                 begun.fetch_add(1, Ordering::Relaxed);
                 if !in_pass() {
                     by_team(1, || from_fn(|| items().next()).for_each(&work));
@@ -217,15 +211,6 @@ pub(super) fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = 
     (start..end)
         .step_by(count)
         .map(move |from| from..(from + count).min(end))
-}
-
-/// Counts when it is dropped, also by a panic.
-struct Done<'a>(&'a AtomicUsize);
-
-impl Drop for Done<'_> {
-    fn drop(&mut self) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
 }
 
 /// Bands of whole rows, at most so many of each frame; none reaches over two frames.

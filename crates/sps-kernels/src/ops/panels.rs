@@ -145,18 +145,13 @@ impl<W: Word> Panels<W> {
     ) -> Vec<Panels> {
         let mut all = vec![Panels::resized(self.level, k, self.n); count];
         let lanes = self.level.lanes();
-        let mut rests: Vec<&mut [f32]> =
-            all.iter_mut().map(|panels| &mut panels.data[..]).collect();
-        let mut made = Vec::new();
-        for panel in self.all().iter() {
-            let width = panel.vectors * lanes;
-            let parts = rests.iter_mut().map(|rest| {
-                let (part, tail) = std::mem::take(rest).split_at_mut(k * width);
-                *rest = tail;
-                part
-            });
-            made.push((panel, parts.collect::<Vec<_>>()));
-        }
+        let each = all.iter_mut().map(|panels| panels.parts().into_iter());
+        let mut each: Vec<_> = each.collect();
+        let panels = self.all().iter().map(|panel| {
+            let parts = each.iter_mut().filter_map(Iterator::next);
+            (panel, parts.map(|(.., part)| part).collect())
+        });
+        let made: Vec<(Panel<'_, W>, Vec<&mut [f32]>)> = panels.collect();
         let make = |(panel, mut parts): (Panel<'_, W>, Vec<_>)| {
             make(&panel.numbers(panel.vectors * lanes), &mut parts);
         };
@@ -179,18 +174,24 @@ impl<W: Word> Panels<W> {
 
     /// Calls `fill` on the panels, in parallel: first column, columns, width, memory.
     fn for_each_panel(&mut self, fill: impl Fn(usize, usize, usize, &mut [W]) + Send + Sync) {
-        let (k, n, lanes) = (self.k, self.n, self.level.lanes());
-        let mut panels = Vec::new();
-        let mut rest: &mut [W] = &mut self.data;
-        for (column, vectors) in columns(n, lanes) {
-            let width = vectors * lanes;
-            let (panel, tail) = rest.split_at_mut(k * width);
-            panels.push((column, width, panel));
-            rest = tail;
-        }
-        panels.into_par_iter().for_each(|(column, width, panel)| {
+        let n = self.n;
+        let panels = self.parts().into_par_iter();
+        panels.for_each(|(column, width, panel)| {
             fill(column, width.min(n - column), width, panel);
         });
+    }
+
+    /// First column, width and memory of each panel.
+    fn parts(&mut self) -> Vec<(usize, usize, &mut [W])> {
+        let (k, lanes) = (self.k, self.level.lanes());
+        let mut rest = &mut self.data[..];
+        let part = |(column, vectors)| {
+            let width = vectors * lanes;
+            let (panel, tail) = std::mem::take(&mut rest).split_at_mut(k * width);
+            rest = tail;
+            (column, width, panel)
+        };
+        columns(self.n, lanes).map(part).collect()
     }
 
     /// Whether the weights outweigh the maps that threads would read and copy if they shared out the columns.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::bands::{Band, bands};
 use super::grid::{Grid, pixel, pixel_mut};
 use super::product::Activation;
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::Level;
 use super::words::Real;
 
 /// Parts of a frame, each with a sum of its own: as many however many threads there are.
@@ -23,15 +23,40 @@ pub(crate) fn activation_gradient<W: Real>(
     gradient: &[W],
     (target, to): (&mut [W], &Grid),
 ) -> Vec<f64> {
-    let back = |band| {
-        level.run(Back {
-            limits: activation.limits(),
-            numbers,
-            from,
-            gradient,
-            band,
-            to,
-        })
+    let ([least, most], n) = (activation.limits(), to.channels);
+    let back = |band: Band<'_, W>| {
+        level.run(
+            #[inline(always)]
+            move || {
+                let (mut sums, mut of_row) = (vec![0.0_f64; n], vec![0.0_f32; n]);
+                let rows = band.rows(to);
+                let width = to.size[2].max(1);
+                let (sources, places) = (from.places_of(rows.clone()), to.places_of(rows));
+                for (number, (&source, &place)) in
+                    band.pixels.clone().zip(sources.iter().zip(&places))
+                {
+                    let y = pixel(&numbers[source..], n);
+                    let gradient = pixel(&gradient[number * from.pitch..], n);
+                    let out = pixel_mut(&mut band.target[place - band.origin..], n);
+                    let of_row = &mut of_row[..n];
+                    for c in 0..n {
+                        let y = W::widened(y[c]);
+                        // Read whether it passes or not, which leaves no branch.
+                        let g = W::widened(gradient[c]);
+                        let g = if y > least && y < most { g } else { 0.0 };
+                        out[c] = W::narrowed(g);
+                        of_row[c] += g;
+                    }
+                    if (number + 1).is_multiple_of(width) {
+                        for (sum, of_row) in sums.iter_mut().zip(of_row) {
+                            *sum += f64::from(*of_row);
+                            *of_row = 0.0;
+                        }
+                    }
+                }
+                sums
+            },
+        )
     };
     let parts = bands(PARTS, 1, to, target).into_par_iter().map(back);
     let mut sums = vec![0.0; to.channels];
@@ -41,48 +66,4 @@ pub(crate) fn activation_gradient<W: Real>(
         }
     }
     sums
-}
-
-struct Back<'a, 'b, W> {
-    limits: [f32; 2],
-    numbers: &'a [W],
-    from: &'a Grid,
-    gradient: &'a [W],
-    band: Band<'b, W>,
-    to: &'a Grid,
-}
-
-impl<W: Real> Kernel for Back<'_, '_, W> {
-    type Output = Vec<f64>;
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> Vec<f64> {
-        let Self { from, band, to, .. } = self;
-        let ([least, most], n) = (self.limits, to.channels);
-        let (mut sums, mut of_row) = (vec![0.0_f64; n], vec![0.0_f32; n]);
-        let rows = band.rows(to);
-        let width = to.size[2].max(1);
-        let (sources, places) = (from.places_of(rows.clone()), to.places_of(rows));
-        for (number, (&source, &place)) in band.pixels.zip(sources.iter().zip(&places)) {
-            let y = pixel(&self.numbers[source..], n);
-            let gradient = pixel(&self.gradient[number * from.pitch..], n);
-            let out = pixel_mut(&mut band.target[place - band.origin..], n);
-            let of_row = &mut of_row[..n];
-            for c in 0..n {
-                let y = W::widened(y[c]);
-                // Read whether it passes or not, which leaves no branch.
-                let g = W::widened(gradient[c]);
-                let g = if y > least && y < most { g } else { 0.0 };
-                out[c] = W::narrowed(g);
-                of_row[c] += g;
-            }
-            if (number + 1).is_multiple_of(width) {
-                for (sum, of_row) in sums.iter_mut().zip(of_row) {
-                    *sum += f64::from(*of_row);
-                    *of_row = 0.0;
-                }
-            }
-        }
-        sums
-    }
 }

@@ -187,15 +187,15 @@ impl<W: Word> Conv<W> {
         debug_assert_eq!(window.output(from.size), Some(to.size));
         if let Some(winograd) = self.winograd(to.size) {
             debug_assert_eq!(window.stride, self.shape.window.stride);
+            let reach = Lattice::of_window(window, from).whole_reach(from, to);
             let reach = Reach {
                 source,
                 from,
-                starts: &from.starts(window, to.size),
+                starts: &reach.starts,
                 to,
-                places: &to.places(),
+                places: &reach.places,
             };
-            winograd.apply(threads, reach, target, epilogue);
-            return;
+            return winograd.apply(threads, reach, target, epilogue);
         }
         match &self.weights {
             Weights::Images(phases) => {

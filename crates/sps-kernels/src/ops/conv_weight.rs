@@ -11,6 +11,7 @@ use super::grouped::GroupWeights;
 use super::image::{self, PIXEL, Phase, rows_of_words};
 use super::outer::{Joined, Outer, Pairs};
 use super::outer_tiles::OuterTiles;
+use super::phases::Lattice;
 use super::simd::{Level, TileKind};
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
@@ -36,11 +37,12 @@ pub(crate) fn weight_gradient<W: Real>(
     (gradient, to): (&[W], &Grid),
     target: &mut [f32],
 ) {
+    let reach = Lattice::of_window(&shape.window, from).whole_reach(from, to);
     let pairs = Pairs {
         source,
-        starts: &from.starts(&shape.window, to.size),
+        starts: &reach.starts,
         gradient,
-        places: &to.places(),
+        places: &reach.places,
     };
     if shape.groups == 1 {
         if W::NUMBERS == 1 {
@@ -123,12 +125,9 @@ fn add_products<W: Real>(
     let stride = Outer::<W>::stride(level, width);
     let add = |pixels: Range<usize>, sums: &mut [f32]| {
         let rows = first + pixels.start..first + pixels.end;
-        let (left, left_rows) = left.of(column, rows);
         let outer = Outer {
-            left,
-            left_rows,
-            right,
-            right_rows: &right_rows[pixels],
+            left: left.of(column, rows),
+            right: (right, &right_rows[pixels]),
             height,
             width,
         };
@@ -318,12 +317,9 @@ fn of_groups<W: Real>(
             let seen = &pairs.source[offset + W::words(group * inputs)..];
             let seen = Joined::new(level, seen, pairs.starts, inputs);
             for pixels in chunks(0..pairs.starts.len(), BLOCK) {
-                let (left, left_rows) = seen.of(0, pixels.clone());
                 let outer = Outer {
-                    left,
-                    left_rows,
-                    right,
-                    right_rows: &pairs.places[pixels],
+                    left: seen.of(0, pixels.clone()),
+                    right: (right, &pairs.places[pixels]),
                     height: inputs,
                     width: outputs,
                 };

@@ -10,13 +10,13 @@ use super::buffer::Buffer;
 use super::outer::Pairs;
 use super::product::Finish;
 use super::rows::{RowWeights, Writer};
-use super::simd::{Lanes, Level, NullaryFnOnce, load};
+use super::simd::{Lanes, Level, load};
 use super::words::{Arithmetic, Real, Word, WordKernel, vectors};
 
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
 #[derive(Debug, Clone)]
 pub(crate) struct ChannelWeights {
-    level: Level,
+    pub(super) level: Level,
     channels: usize,
     /// Taps in a row of the window, which lie side by side one way or the other.
     columns: usize,
@@ -53,100 +53,73 @@ impl ChannelWeights {
 const SIDE_BY_SIDE: usize = 7;
 
 impl<W: Word> RowWeights<W> for ChannelWeights {
-    fn level(&self) -> Level {
-        self.level
-    }
-
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(writer: Writer<'_, W, Self, S, A>) {
-        let (lanes, arithmetic) = (writer.lanes, writer.arithmetic);
         match (writer.weights.columns, writer.rows.stride) {
-            (3, 1) => arithmetic.apart(lanes, SideBySide::<_, _, _, 3, 1, 9>(writer)),
-            (3, 2) => arithmetic.apart(lanes, SideBySide::<_, _, _, 3, 2, 15>(writer)),
-            (5, 1) => arithmetic.apart(lanes, SideBySide::<_, _, _, 5, 1, 11>(writer)),
-            (5, 2) => arithmetic.apart(lanes, SideBySide::<_, _, _, 5, 2, 17>(writer)),
+            (3, 1) => writer.all_side_by_side::<3, 1, 9>(),
+            (3, 2) => writer.all_side_by_side::<3, 2, 15>(),
+            (5, 1) => writer.all_side_by_side::<5, 1, 11>(),
+            (5, 2) => writer.all_side_by_side::<5, 2, 17>(),
             _ => {
                 let pixels = 0..writer.rows.starts.len();
                 let channels = 0..writer.weights.channels;
-                arithmetic.apart(lanes, Scattered(writer, pixels, channels));
+                writer.scattered(pixels, channels);
             }
-        }
-    }
-}
-
-/// All pixels of windows of `K` columns, which lie `STEP` pixels from each other in a row, by tiles that reach over
-/// `COLUMNS` of the source where they can.
-struct SideBySide<'a, W, S, A, const K: usize, const STEP: usize, const COLUMNS: usize>(
-    Writer<'a, W, ChannelWeights, S, A>,
-);
-
-impl<
-    W: Word,
-    S: Lanes,
-    A: Arithmetic<S, Word = W>,
-    const K: usize,
-    const STEP: usize,
-    const COLUMNS: usize,
-> NullaryFnOnce for SideBySide<'_, W, S, A, K, STEP, COLUMNS>
-{
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let mut writer = self.0;
-        let channels = writer.weights.channels;
-        let whole = channels - channels % S::F32_LANES;
-        for pixels in writer.rows.side_by_side() {
-            let done = writer.row::<K, STEP, COLUMNS>((pixels.clone(), whole));
-            writer.rest(done..pixels.end, 0..whole);
-            writer.rest(pixels, whole..channels);
-        }
-    }
-}
-
-/// Some pixels, wherever they lie, and some of their channels.
-struct Scattered<'a, W, S, A>(
-    Writer<'a, W, ChannelWeights, S, A>,
-    Range<usize>,
-    Range<usize>,
-);
-
-impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> NullaryFnOnce for Scattered<'_, W, S, A> {
-    type Output = ();
-
-    /// Eight pixels at once where registers suffice.
-    #[inline(always)]
-    fn call(self) {
-        let Self(mut writer, Range { mut start, end }, channels) = self;
-        if S::REGISTER_COUNT >= 32 {
-            while start + 8 <= end {
-                writer.pixels::<8>(start, channels.clone());
-                start += 8;
-            }
-        }
-        while start + 4 <= end {
-            writer.pixels::<4>(start, channels.clone());
-            start += 4;
-        }
-        for pixel in start..end {
-            writer.pixels::<1>(pixel, channels.clone());
         }
     }
 }
 
 impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, ChannelWeights, S, A> {
+    /// All pixels of windows of `K` columns, which lie `STEP` pixels from each other in a row, by tiles that reach
+    /// over `COLUMNS` of the source where they can.
+    #[inline(always)]
+    fn all_side_by_side<const K: usize, const STEP: usize, const COLUMNS: usize>(mut self) {
+        self.arithmetic.apart(
+            self.lanes,
+            #[inline(always)]
+            move || {
+                let channels = self.weights.channels;
+                let whole = channels - channels % S::F32_LANES;
+                for pixels in self.rows.side_by_side() {
+                    let done = self.row::<K, STEP, COLUMNS>((pixels.clone(), whole));
+                    self.rest(done..pixels.end, 0..whole);
+                    self.rest(pixels, whole..channels);
+                }
+            },
+        );
+    }
+
+    /// Some pixels, wherever they lie, and some of their channels: eight pixels at once where registers suffice.
+    #[inline(always)]
+    fn scattered(mut self, Range { mut start, end }: Range<usize>, channels: Range<usize>) {
+        self.arithmetic.apart(
+            self.lanes,
+            #[inline(always)]
+            move || {
+                if S::REGISTER_COUNT >= 32 {
+                    while start + 8 <= end {
+                        self.pixels::<8>(start, channels.clone());
+                        start += 8;
+                    }
+                }
+                while start + 4 <= end {
+                    self.pixels::<4>(start, channels.clone());
+                    start += 4;
+                }
+                for pixel in start..end {
+                    self.pixels::<1>(pixel, channels.clone());
+                }
+            },
+        );
+    }
+
     /// What tiles have left of a row, if anything.
     #[inline(always)]
     fn rest(&mut self, pixels: Range<usize>, channels: Range<usize>) {
-        if pixels.is_empty() || channels.is_empty() {
-            return;
+        if !pixels.is_empty() && !channels.is_empty() {
+            let target = &mut *self.target;
+            Writer { target, ..*self }.scattered(pixels, channels);
         }
-        let writer = Writer {
-            target: &mut *self.target,
-            ..*self
-        };
-        self.arithmetic
-            .apart(self.lanes, Scattered(writer, pixels, channels));
     }
 
     /// Whether the pixels in a row of the window lie in the order against that of places.
@@ -307,7 +280,7 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, ChannelWeights
         for (pixel, sums) in pixels.into_iter().zip(sums) {
             let place = self.rows.places[pixel] - self.rows.origin + word;
             let out = &mut self.target[place..place + words];
-            finish.store::<A, WHOLE>(self.lanes, self.arithmetic, sums, out);
+            finish.store::<A, WHOLE, 2>(self.lanes, self.arithmetic, sums, out);
         }
     }
 }

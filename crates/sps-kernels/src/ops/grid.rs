@@ -257,13 +257,6 @@ impl Grid {
         self.steps(rows, self.before, self.size, [1; 3])
     }
 
-    /// Where a window begins at each of its places.
-    pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<usize> {
-        let rows = 0..self.frames * output[0] * output[1];
-        let from = [0, 1, 2].map(|axis| self.before[axis] - window.before[axis]);
-        self.steps(rows, from, output, window.stride)
-    }
-
     /// The index of `count` places from `from` in steps of `stride`, in every frame: of some rows of them.
     pub(crate) fn steps(
         &self,

@@ -16,7 +16,7 @@ use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of};
 /// The weights of a grouped convolution, `group` channels in and out of each group.
 #[derive(Debug, Clone)]
 pub(crate) struct GroupWeights<W = f32> {
-    level: Level,
+    pub(super) level: Level,
     group: usize,
     taps: usize,
     /// `(channels / (vectors * lanes), taps, words of a group, vectors, lanes)`, with as many
@@ -61,10 +61,6 @@ impl<W: Word> GroupWeights<W> {
 }
 
 impl<W: Word> RowWeights<W> for GroupWeights<W> {
-    fn level(&self) -> Level {
-        self.level
-    }
-
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
         debug_assert_eq!(writer.rows.taps.len(), writer.weights.taps);
@@ -139,7 +135,7 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W
             for i in 0..H {
                 let from = places[i] + word;
                 let out = &mut self.target[from..from + S::F32_LANES];
-                finish.store::<A, true>(lanes, arithmetic, sums[i], out);
+                finish.store::<A, true, 2>(lanes, arithmetic, sums[i], out);
             }
         }
     }
@@ -235,7 +231,7 @@ impl<W: Real> WriteOuter<'_, W> {
                     let from = start + taps[t];
                     let [x] = arithmetic.load(lanes, &pairs.source[from..from + words]);
                     for (g, sum) in sums[t].iter_mut().enumerate() {
-                        *sum = lanes.fma(lanes.spread::<G>(x, g), y, *sum);
+                        *sum = lanes.fma(lanes.spread::<G, 1>(x, 0, g), y, *sum);
                     }
                 }
             }

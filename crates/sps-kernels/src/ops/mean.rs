@@ -2,7 +2,7 @@
 
 use super::bands::{Threads, on_all_threads};
 use super::grid::Grid;
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::Level;
 use super::words::Word;
 
 /// Pixels whose sum is taken in f32 before it joins a longer one.
@@ -25,8 +25,20 @@ pub(crate) fn frame_means<W: Word>(
     let runs: Vec<&[usize]> = places.chunks(RUN).collect();
     for (frame, means) in source.chunks_exact(grid.frame_len()).zip(means) {
         let mut sums: Vec<Vec<f32>> = vec![Vec::new(); runs.len()];
-        let sum = |(run, sum): (&&[usize], &mut Vec<f32>)| {
-            *sum = level.run(Sum { frame, run, grid });
+        let sum = |(&run, sums): (&&[usize], &mut Vec<f32>)| {
+            *sums = level.run(
+                #[inline(always)]
+                move || {
+                    let mut sums = vec![0.0; grid.channels];
+                    for &place in run {
+                        let pixel = &frame[place..place + grid.words];
+                        for (sum, x) in sums.iter_mut().zip(W::numbers(pixel)) {
+                            *sum += x;
+                        }
+                    }
+                    sums
+                },
+            );
         };
         let each = runs.iter().zip(&mut sums);
         match threads {
@@ -38,28 +50,5 @@ pub(crate) fn frame_means<W: Word>(
             let sum: f64 = sums.iter().map(|run| f64::from(run[channel])).sum();
             *mean = (sum / pixels) as f32;
         }
-    }
-}
-
-/// The sum over the pixels of a run.
-struct Sum<'a, W> {
-    frame: &'a [W],
-    run: &'a [usize],
-    grid: &'a Grid,
-}
-
-impl<W: Word> Kernel for Sum<'_, W> {
-    type Output = Vec<f32>;
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> Vec<f32> {
-        let mut sums = vec![0.0; self.grid.channels];
-        for &place in self.run {
-            let pixel = &self.frame[place..place + self.grid.words];
-            for (sum, x) in sums.iter_mut().zip(W::numbers(pixel)) {
-                *sum += x;
-            }
-        }
-        sums
     }
 }

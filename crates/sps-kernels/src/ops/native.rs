@@ -38,9 +38,8 @@ macro_rules! native {
         use std::arch::x86_64::*;
 
         use pulp::x86::V4;
-        use pulp::{Simd, cast, f32x16};
+        use pulp::{NullaryFnOnce, Simd, cast, f32x16};
 
-        use crate::ops::simd::NullaryFnOnce;
         use crate::ops::words::{Arithmetic, WordKernel};
 
         /// A processor with AVX-512 and the instructions of this module.
@@ -90,9 +89,9 @@ macro_rules! beside_tiles {
         const BESIDE_TILES: bool = true;
 
         #[inline(always)]
-        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
+        fn apart(self, lanes: V4, work: impl FnMut()) {
             // SAFETY: `self` says that the processor has the instructions, and `V4` the rest.
-            unsafe { with_instructions(work) }
+            unsafe { with_instructions(crate::ops::simd::Call(work, lanes)) }
         }
 
         // A row shorter than its vectors is no longer than a vector of words.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
+use super::simd::{Lanes, Level};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
 
@@ -45,12 +45,10 @@ impl<'a, W: Real> Joined<'a, W> {
         let parts = joined.par_chunks_mut(TOGETHER / W::NUMBERS * width.max(1));
         let parts = parts.zip(rows.par_chunks(TOGETHER));
         parts.for_each(|(out, rows)| {
-            level.run(Join {
-                memory,
-                rows,
-                width,
-                out,
-            });
+            level.run(
+                #[inline(always)]
+                move || join(memory, rows, (width, width), out),
+            );
         });
         Self {
             rows: (0..joined.len()).step_by(width.max(1)).collect(),
@@ -64,22 +62,6 @@ impl<'a, W: Real> Joined<'a, W> {
         debug_assert!(rows.start.is_multiple_of(W::NUMBERS), "{rows:?}");
         let rows = rows.start / W::NUMBERS..rows.end.div_ceil(W::NUMBERS);
         (&self.memory[column..], &self.rows[rows])
-    }
-}
-
-struct Join<'a, W> {
-    memory: &'a [W],
-    rows: &'a [usize],
-    width: usize,
-    out: &'a mut [W],
-}
-
-impl<W: Real> Kernel for Join<'_, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        join(self.memory, self.rows, (self.width, self.width), self.out);
     }
 }
 
@@ -115,13 +97,10 @@ pub(super) fn join<W: Real>(
 /// `sum_m left[m]^T right[m]` for rows gathered from two feature maps.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outer<'a, W = f32> {
-    /// As [`Joined`] has it.
-    pub(crate) left: &'a [W],
-    /// Where each row of the left begins.
-    pub(crate) left_rows: &'a [usize],
-    pub(crate) right: &'a [W],
-    /// Where each row of the right begins.
-    pub(crate) right_rows: &'a [usize],
+    /// Memory as [`Joined`] has it, and where each row of the left begins.
+    pub(crate) left: (&'a [W], &'a [usize]),
+    /// Memory, and where each row of the right begins.
+    pub(crate) right: (&'a [W], &'a [usize]),
     /// Numbers of a row of the left: rows of the sum.
     pub(crate) height: usize,
     /// Numbers of a row of the right: columns of the sum. Of words that hold several, whole words.
@@ -168,13 +147,13 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
             for (row, rows) in tiles(0, height, tallest::<S>()) {
                 let tile = (row, column, columns);
                 if columns == 2 * S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, A, H, 2, true>(lanes, arithmetic, tile));
+                    with_height!(rows, S, H => self.tile::<S, A, H, 2, true>(lanes, arithmetic, tile));
                 } else if const { W::NUMBERS > 1 } || columns > S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, A, H, 2, false>(lanes, arithmetic, tile));
+                    with_height!(rows, S, H => self.tile::<S, A, H, 2, false>(lanes, arithmetic, tile));
                 } else if columns == S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, A, H, 1, true>(lanes, arithmetic, tile));
+                    with_height!(rows, S, H => self.tile::<S, A, H, 1, true>(lanes, arithmetic, tile));
                 } else {
-                    with_height!(rows, S, H => self.apart::<S, A, H, 1, false>(lanes, arithmetic, tile));
+                    with_height!(rows, S, H => self.tile::<S, A, H, 1, false>(lanes, arithmetic, tile));
                 }
             }
             column += columns;
@@ -182,75 +161,57 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
     }
 }
 
-/// A tile of `H` rows and `NV` vectors to be added, from a row and a column on, so many columns; `WHOLE` if those fill
-/// the vectors.
-struct SizedTile<'a, 'b, 'c, S, A, W, const H: usize, const NV: usize, const WHOLE: bool>(
-    &'a mut Add<'b, 'c, W>,
-    S,
-    A,
-    (usize, usize, usize),
-);
-
-impl<S, A, W, const H: usize, const NV: usize, const WHOLE: bool> NullaryFnOnce
-    for SizedTile<'_, '_, '_, S, A, W, H, NV, WHOLE>
-where
-    S: Lanes,
-    A: Arithmetic<S, Word = W>,
-    W: Real,
-{
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self(add, lanes, arithmetic, (row, column, columns)) = self;
-        let outer = *add.outer;
-        let right = &outer.right[W::words(column)..];
-        let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        let rights = outer.right_rows.chunks(W::NUMBERS);
-        for (&l, r) in outer.left_rows.iter().zip(rights) {
-            let x = &lanes_of(&outer.left[l + row..])[..H];
-            let y = W::columns::<S, NV, WHOLE>(lanes, right, r, columns);
-            for i in 0..H {
-                let x = lanes.splat_f32s(x[i]);
-                for v in 0..NV {
-                    sums[i][v] = arithmetic.multiply_add(lanes, x, y[v], sums[i][v]);
-                }
-            }
-        }
-        let whole = const { WHOLE || W::NUMBERS > 1 };
-        let kept = if whole { NV * S::F32_LANES } else { columns };
-        each_row!(H, i, {
-            let start = (row + i) * add.stride + column;
-            let target = &mut add.target[start..start + kept];
-            if whole {
-                for (sum, target) in sums[i].into_iter().zip(S::as_mut_simd_f32s(target).0) {
-                    *target = lanes.add_f32s(sum, *target);
-                }
-            } else {
-                for (sum, target) in sums[i].into_iter().zip(target.chunks_mut(S::F32_LANES)) {
-                    let sum = lanes.add_f32s(sum, lanes.partial_load_f32s(target));
-                    lanes.partial_store_f32s(target, sum);
-                }
-            }
-        });
-    }
-}
-
 impl<W: Real> Add<'_, '_, W> {
+    /// Adds a tile of `H` rows and `NV` vectors, from a row and a column on, so many columns; `WHOLE` if those fill the
+    /// vectors.
     #[inline(always)]
-    fn apart<
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-        const H: usize,
-        const NV: usize,
-        const WHOLE: bool,
-    >(
+    fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
         lanes: S,
         arithmetic: A,
-        tile: (usize, usize, usize),
-    ) {
-        let tile = SizedTile::<S, A, W, H, NV, WHOLE>(self, lanes, arithmetic, tile);
-        arithmetic.apart(lanes, tile);
+        (row, column, columns): (usize, usize, usize),
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        arithmetic.apart(
+            lanes,
+            #[inline(always)]
+            move || {
+                let outer = *self.outer;
+                let ((left, left_rows), (right, right_rows)) = (outer.left, outer.right);
+                let right = &right[W::words(column)..];
+                let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
+                for (&l, r) in left_rows.iter().zip(right_rows.chunks(W::NUMBERS)) {
+                    let x = &lanes_of(&left[l + row..])[..H];
+                    let y = W::columns::<S, NV, WHOLE>(lanes, right, r, columns);
+                    for i in 0..H {
+                        let x = lanes.splat_f32s(x[i]);
+                        for v in 0..NV {
+                            sums[i][v] = arithmetic.multiply_add(lanes, x, y[v], sums[i][v]);
+                        }
+                    }
+                }
+                let whole = const { WHOLE || W::NUMBERS > 1 };
+                let kept = if whole { NV * S::F32_LANES } else { columns };
+                each_row!(H, i, {
+                    let start = (row + i) * self.stride + column;
+                    let target = &mut self.target[start..start + kept];
+                    if whole {
+                        for (sum, target) in sums[i].into_iter().zip(S::as_mut_simd_f32s(target).0)
+                        {
+                            *target = lanes.add_f32s(sum, *target);
+                        }
+                    } else {
+                        for (sum, target) in
+                            sums[i].into_iter().zip(target.chunks_mut(S::F32_LANES))
+                        {
+                            let sum = lanes.add_f32s(sum, lanes.partial_load_f32s(target));
+                            lanes.partial_store_f32s(target, sum);
+                        }
+                    }
+                });
+            },
+        );
     }
 }

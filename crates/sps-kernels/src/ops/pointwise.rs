@@ -5,7 +5,7 @@ use super::bands::{Band, Threads, for_each_band};
 use super::batch_norm::{FrameSums, Norm, Slopes};
 use super::grid::{Grid, pixel, pixel_mut, rows, rows_mut};
 use super::product::Activation;
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::Level;
 use super::words::Real;
 
 /// What is added to a gated branch.
@@ -33,8 +33,10 @@ impl Norm {
             Some((_, Shortcut::Plain(_, grid))) => grid.places(),
             _ => Vec::new(),
         };
-        for_each_band(Threads::All, to, target, |band| {
-            let range = band.pixels.start * from.pitch..band.pixels.end * from.pitch;
+        let (places, added) = (&places[..], &added[..]);
+        let (pitch, limits) = (from.pitch, activation.limits());
+        for_each_band(Threads::All, to, target, |mut band| {
+            let range = band.pixels.start * pitch..band.pixels.end * pitch;
             let onto = onto.map(|(gate, shortcut)| {
                 let shortcut = match shortcut {
                     Shortcut::Normed(x, norm) => Shortcut::Normed(&x[range.clone()], norm),
@@ -42,16 +44,11 @@ impl Norm {
                 };
                 (&gate[band.frames.start * from.channels..], shortcut)
             });
-            level.run(Apply {
-                norm: self,
-                pitch: from.pitch,
-                x: &x[range],
-                onto,
-                added: &added,
-                places: &places,
-                band,
-                limits: activation.limits(),
-            });
+            let x = &x[range];
+            level.run(
+                #[inline(always)]
+                move || self.apply_to_band((x, pitch), onto, [places, added], &mut band, limits),
+            );
         });
     }
 
@@ -66,14 +63,30 @@ impl Norm {
         grid: &Grid,
         activation: Activation,
     ) -> FrameSums {
+        let (pitch, [least, most]) = (grid.pitch, activation.limits());
         FrameSums::of::<W>(grid, &mut [], |range, _| {
-            level.run(Sums {
-                norm: self,
-                pitch: grid.pitch,
-                x: &x[range.clone()],
-                gradient: &gradient[range],
-                limits: activation.limits(),
-            })
+            let (x, gradient) = (&x[range.clone()], &gradient[range]);
+            level.run(
+                #[inline(always)]
+                move || {
+                    let (n, mean, factor, beta) = self.channels();
+                    let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
+                    let [total, product] = &mut sums;
+                    let (total, product) = (&mut total[..n], &mut product[..n]);
+                    for (x, gradient) in rows(x, pitch, n).zip(rows(gradient, pitch, n)) {
+                        for c in 0..n {
+                            let deviation = W::widened(x[c]) - mean[c];
+                            let y = deviation * factor[c] + beta[c];
+                            // Read whether it passes or not, which leaves no branch.
+                            let g = W::widened(gradient[c]);
+                            let g = if y > least && y < most { g } else { 0.0 };
+                            total[c] += g;
+                            product[c] += g * deviation;
+                        }
+                    }
+                    sums
+                },
+            )
         })
     }
 
@@ -88,17 +101,34 @@ impl Norm {
         activation: Activation,
     ) -> FrameSums {
         let places = from.places();
-        let pitch = grid.pitch;
+        let (pitch, [least, most]) = (grid.pitch, activation.limits());
         FrameSums::of(grid, gradient, |range, gradient| {
-            level.run(Mask {
-                mean: &self.mean,
-                pitch,
-                x: &x[range.clone()],
-                end,
-                places: &places[range.start / pitch..range.end / pitch],
-                limits: activation.limits(),
-                gradient,
-            })
+            let places = &places[range.start / pitch..range.end / pitch];
+            let x = &x[range];
+            level.run(
+                #[inline(always)]
+                move || {
+                    let (n, mean, ..) = self.channels();
+                    let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
+                    let [total, product] = &mut sums;
+                    let (total, product) = (&mut total[..n], &mut product[..n]);
+                    let pixels = rows(x, pitch, n).zip(places);
+                    for ((x, &place), gradient) in pixels.zip(rows_mut(gradient, pitch, n)) {
+                        let end = pixel(&end[place..], n);
+                        for c in 0..n {
+                            // Read whether it is kept or not: a read that depends on `end` would keep the
+                            // compiler from taking several channels at a time.
+                            let g = W::widened(gradient[c]);
+                            let end = W::widened(end[c]);
+                            let g = if end > least && end < most { g } else { 0.0 };
+                            gradient[c] = W::narrowed(g);
+                            total[c] += g;
+                            product[c] += g * (W::widened(x[c]) - mean[c]);
+                        }
+                    }
+                    sums
+                },
+            )
         })
     }
 
@@ -114,70 +144,79 @@ impl Norm {
         activation: Option<Activation>,
     ) {
         let places = to.places();
-        let channels = self.mean.len();
+        let (pitch, limits) = (to.pitch, activation.map(Activation::limits));
         for_each_band(Threads::All, to, target, |band| {
-            let range = band.pixels.start * to.pitch..band.pixels.end * to.pitch;
-            let of_frame = |values: &[f32]| {
-                // The same in every frame, or each frame's own.
-                let own = usize::from(values.len() > channels);
-                own * band.frames.start * channels
-            };
-            level.run(Backward {
-                norm: self,
-                pitch: to.pitch,
-                of_gradient: &slopes.of_gradient[of_frame(&slopes.of_gradient)..],
-                of_x: &slopes.of_x,
-                constant: &slopes.constant[of_frame(&slopes.constant)..],
-                x: &x[range.clone()],
-                gradient: &gradient[range],
-                places: &places,
-                band,
-                limits: activation.map(Activation::limits),
-            });
+            let range = band.pixels.start * pitch..band.pixels.end * pitch;
+            let (x, gradient) = (&x[range.clone()], &gradient[range]);
+            let (places, frame) = (&places[band.pixels], band.frames.start);
+            let (target, origin) = (band.target, band.origin);
+            level.run(
+                #[inline(always)]
+                move || {
+                    let (n, mean, factor, beta) = self.channels();
+                    let of_gradient = of_frame(&slopes.of_gradient, frame, n);
+                    let constant = of_frame(&slopes.constant, frame, n);
+                    let of_x = &slopes.of_x[..n];
+                    let pixels = rows(x, pitch, n).zip(rows(gradient, pitch, n));
+                    for ((x, gradient), &place) in pixels.zip(places) {
+                        let out = pixel_mut(&mut target[place - origin..], n);
+                        if let Some([least, most]) = limits {
+                            for c in 0..n {
+                                let deviation = W::widened(x[c]) - mean[c];
+                                let y = deviation * factor[c] + beta[c];
+                                // Read whether it passes or not, which leaves no branch.
+                                let g = W::widened(gradient[c]);
+                                let g = if y > least && y < most { g } else { 0.0 };
+                                let slope = g * of_gradient[c] + deviation * of_x[c] + constant[c];
+                                out[c] = W::narrowed(slope);
+                            }
+                        } else {
+                            for c in 0..n {
+                                let deviation = W::widened(x[c]) - mean[c];
+                                let g = W::widened(gradient[c]);
+                                let slope = g * of_gradient[c] + deviation * of_x[c] + constant[c];
+                                out[c] = W::narrowed(slope);
+                            }
+                        }
+                    }
+                },
+            );
         });
     }
-}
 
-struct Apply<'a, 'b, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    x: &'a [W],
-    onto: Option<(&'a [f32], Shortcut<'a, W>)>,
-    /// Where each pixel of all of a plain shortcut lies.
-    added: &'a [usize],
-    /// Where each pixel of the whole target lies.
-    places: &'a [usize],
-    band: Band<'b, W>,
-    limits: [f32; 2],
-}
-
-impl<W: Real> Kernel for Apply<'_, '_, W> {
-    type Output = ();
-
+    /// The same for a band, of as many pixels of `x`, which lie so far apart: where each of the target's pixels lies,
+    /// and each of a plain shortcut's.
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let (target, origin, range) = (self.band.target, self.band.origin, self.band.pixels);
-        let pixels = rows(self.x, self.pitch, n).zip(&self.places[range.clone()]);
-        match self.onto {
+    fn apply_to_band<W: Real>(
+        &self,
+        (x, pitch): (&[W], usize),
+        onto: Option<(&[f32], Shortcut<'_, W>)>,
+        [places, added]: [&[usize]; 2],
+        band: &mut Band<'_, W>,
+        limits: [f32; 2],
+    ) {
+        let (n, mean, factor, beta) = self.channels();
+        let (target, origin, range) = (&mut *band.target, band.origin, band.pixels.clone());
+        let pixels = rows(x, pitch, n).zip(&places[range.clone()]);
+        match onto {
             None => {
                 for (x, &place) in pixels {
                     let out = pixel_mut(&mut target[place - origin..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
-                        out[c] = W::narrowed(within(self.limits, y));
+                        out[c] = W::narrowed(within(limits, y));
                     }
                 }
             }
             Some((gate, Shortcut::Plain(memory, _))) => {
                 let gate = &gate[..n];
-                for ((x, place), &added) in pixels.zip(&self.added[range]) {
+                for ((x, place), &added) in pixels.zip(&added[range]) {
                     let out = pixel_mut(&mut target[place - origin..], n);
                     let shortcut = pixel(&memory[added..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
                         let end = y * gate[c] + W::widened(shortcut[c]);
-                        out[c] = W::narrowed(within(self.limits, end));
+                        out[c] = W::narrowed(within(limits, end));
                     }
                 }
             }
@@ -185,12 +224,12 @@ impl<W: Real> Kernel for Apply<'_, '_, W> {
                 let gate = &gate[..n];
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
-                for ((x, place), shortcut) in pixels.zip(rows(shortcut, self.pitch, n)) {
+                for ((x, place), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
                     let out = pixel_mut(&mut target[place - origin..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
                         let z = (W::widened(shortcut[c]) - m[c]) * f[c] + b[c];
-                        out[c] = W::narrowed(within(self.limits, y * gate[c] + z));
+                        out[c] = W::narrowed(within(limits, y * gate[c] + z));
                     }
                 }
             }
@@ -205,122 +244,9 @@ fn within([least, most]: [f32; 2], x: f32) -> f32 {
     if x > most { most } else { x }
 }
 
-struct Sums<'a, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    x: &'a [W],
-    gradient: &'a [W],
-    limits: [f32; 2],
-}
-
-impl<W: Real> Kernel for Sums<'_, W> {
-    type Output = [Vec<f32>; 2];
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let [least, most] = self.limits;
-        let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
-        let [total, product] = &mut sums;
-        let (total, product) = (&mut total[..n], &mut product[..n]);
-        let pixels = rows(self.x, self.pitch, n);
-        for (x, gradient) in pixels.zip(rows(self.gradient, self.pitch, n)) {
-            for c in 0..n {
-                let deviation = W::widened(x[c]) - mean[c];
-                let y = deviation * factor[c] + beta[c];
-                // Read whether it passes or not, which leaves no branch.
-                let g = W::widened(gradient[c]);
-                let g = if y > least && y < most { g } else { 0.0 };
-                total[c] += g;
-                product[c] += g * deviation;
-            }
-        }
-        sums
-    }
-}
-
-struct Mask<'a, W> {
-    mean: &'a [f32],
-    pitch: usize,
-    x: &'a [W],
-    end: &'a [W],
-    places: &'a [usize],
-    limits: [f32; 2],
-    gradient: &'a mut [W],
-}
-
-impl<W: Real> Kernel for Mask<'_, W> {
-    type Output = [Vec<f32>; 2];
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
-        let n = self.mean.len();
-        let mean = &self.mean[..n];
-        let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
-        let [total, product] = &mut sums;
-        let (total, product) = (&mut total[..n], &mut product[..n]);
-        let pitch = self.pitch;
-        let [least, most] = self.limits;
-        let pixels = rows(self.x, pitch, n).zip(self.places);
-        for ((x, &place), gradient) in pixels.zip(rows_mut(self.gradient, pitch, n)) {
-            let end = pixel(&self.end[place..], n);
-            for c in 0..n {
-                // Read whether it is kept or not: a read that depends on `end` would keep the
-                // compiler from taking several channels at a time.
-                let g = W::widened(gradient[c]);
-                let end = W::widened(end[c]);
-                let g = if end > least && end < most { g } else { 0.0 };
-                gradient[c] = W::narrowed(g);
-                total[c] += g;
-                product[c] += g * (W::widened(x[c]) - mean[c]);
-            }
-        }
-        sums
-    }
-}
-
-struct Backward<'a, 'b, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    of_gradient: &'a [f32],
-    of_x: &'a [f32],
-    constant: &'a [f32],
-    x: &'a [W],
-    gradient: &'a [W],
-    /// Where each pixel of the whole target lies.
-    places: &'a [usize],
-    band: Band<'b, W>,
-    limits: Option<[f32; 2]>,
-}
-
-impl<W: Real> Kernel for Backward<'_, '_, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let (of_gradient, of_x) = (&self.of_gradient[..n], &self.of_x[..n]);
-        let constant = &self.constant[..n];
-        let Band { target, origin, .. } = self.band;
-        let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
-        for ((x, gradient), &place) in pixels.zip(&self.places[self.band.pixels]) {
-            let out = pixel_mut(&mut target[place - origin..], n);
-            if let Some([least, most]) = self.limits {
-                for c in 0..n {
-                    let deviation = W::widened(x[c]) - mean[c];
-                    let y = deviation * factor[c] + beta[c];
-                    // Read whether it passes or not, which leaves no branch.
-                    let g = W::widened(gradient[c]);
-                    let g = if y > least && y < most { g } else { 0.0 };
-                    out[c] = W::narrowed(g * of_gradient[c] + deviation * of_x[c] + constant[c]);
-                }
-            } else {
-                for c in 0..n {
-                    let deviation = W::widened(x[c]) - mean[c];
-                    let g = W::widened(gradient[c]);
-                    out[c] = W::narrowed(g * of_gradient[c] + deviation * of_x[c] + constant[c]);
-                }
-            }
-        }
-    }
+/// Numbers of `n` channels that are the same in every frame, or each frame's own.
+#[inline(always)]
+fn of_frame(values: &[f32], frame: usize, n: usize) -> &[f32] {
+    let own = usize::from(values.len() > n);
+    &values[own * frame * n..][..n]
 }

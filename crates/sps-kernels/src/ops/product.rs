@@ -10,7 +10,7 @@ use super::buffer::Buffer;
 use super::grid::starts;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, PanelRun, Panels};
-use super::simd::{Lanes, NullaryFnOnce, load};
+use super::simd::{Lanes, load};
 use super::tiles::{Plan, WriteTiles};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
@@ -100,9 +100,7 @@ impl<'a> Epilogue<'a> {
             ..Self::default()
         }
     }
-}
 
-impl Epilogue<'_> {
     /// Whether each frame has its own.
     pub(super) fn per_frame(&self) -> bool {
         let own = |columns: Option<Columns<'_>>| columns.is_some_and(|columns| columns.stride > 0);
@@ -172,13 +170,7 @@ impl<W: Word> Product<'_, W> {
         if const { W::NUMBERS > 1 } && Plan::of(self).is_some() {
             return self.write_by_tiles(target, places, origin);
         }
-        let write = Write {
-            product: self,
-            target,
-            places,
-            origin,
-        };
-        W::run(self.panels.level, write);
+        W::run(self.panels.level, Write(self, target, places, origin));
     }
 
     /// The same by matrix tiles, into a map of any words. Nothing where tiles do not multiply it.
@@ -203,17 +195,14 @@ impl<W: Word> Product<'_, W> {
     /// The same by all threads of the pool, each of which has some columns of the panels and reads their
     /// weights alone.
     pub(crate) fn write_shared(&self, target: &mut [W], places: &[usize]) {
-        let runs = self.panels.split(rayon::current_num_threads());
-        let columns = runs.iter().map(|run| (run.column, run.n, *run));
-        let columns: Vec<_> = columns.collect();
         let target = (target, places);
         write_shared(
-            &columns,
+            &[self.panels],
             target,
             self.epilogue,
-            |&panels, epilogue, block, rows| {
+            |panels, epilogue, block, rows| {
                 let part = Product {
-                    panels,
+                    panels: panels[0],
                     epilogue,
                     ..*self
                 };
@@ -261,42 +250,41 @@ pub(crate) fn product_of_rows(x: &[f32], panels: &Panels, epilogue: Epilogue<'_>
     out
 }
 
-/// Has all threads of the pool write some columns each: the first one, how many, and what they are computed
-/// from. `write` fills a block of their own, whose rows begin where it is told.
-pub(super) fn write_shared<W: Word, T: Sync>(
-    columns: &[(usize, usize, T)],
+/// Has all threads of the pool write some columns each, from those of matrices that have as many. `write` fills a block
+/// of their own, whose rows begin where it is told.
+pub(super) fn write_shared<W: Word, P: Word>(
+    matrices: &[PanelRun<'_, P>],
     (target, places): (&mut [W], &[usize]),
     epilogue: Epilogue<'_>,
-    write: impl Fn(&T, Epilogue<'_>, &mut [W], &[usize]) + Send + Sync,
+    write: impl Fn(&[PanelRun<'_, P>], Epilogue<'_>, &mut [W], &[usize]) + Send + Sync,
 ) {
     let stored = &*target;
-    let compute = |((column, n, of), block): (&(usize, usize, T), &mut Buffer<W>)| {
-        let (first, width) = (W::words(*column), W::words(*n));
+    let threads = rayon::current_num_threads();
+    let runs: Vec<_> = matrices.iter().map(|all| all.split(threads)).collect();
+    let compute = |(part, (run, block)): (usize, (&PanelRun<'_, P>, &mut Buffer<W>))| {
+        let (first, width) = (W::words(run.column), W::words(run.n));
         *block = Buffer::zeros(places.len() * width);
         if epilogue.accumulate.is_some() {
             for (row, &place) in block.chunks_exact_mut(width).zip(places) {
                 row.copy_from_slice(&stored[place + first..][..width]);
             }
         }
-        let rows: Vec<usize> = (0..places.len()).map(|row| row * width).collect();
-        write(of, epilogue.from(0, *column), block, &rows);
+        let own: Vec<_> = runs.iter().map(|runs| runs[part]).collect();
+        let rows = starts(places.len(), width);
+        write(&own, epilogue.from(0, run.column), block, &rows);
     };
-    let mut blocks = vec![Buffer::default(); columns.len()];
-    on_all_threads(columns.iter().zip(&mut blocks).collect(), compute);
-    for ((column, n, _), block) in columns.iter().zip(&blocks) {
-        let (first, width) = (W::words(*column), W::words(*n));
+    let mut blocks = vec![Buffer::default(); runs[0].len()];
+    let parts = runs[0].iter().zip(&mut blocks).enumerate();
+    on_all_threads(parts.collect(), compute);
+    for (run, block) in runs[0].iter().zip(&blocks) {
+        let (first, width) = (W::words(run.column), W::words(run.n));
         for (row, &place) in block.chunks_exact(width).zip(places) {
             target[place + first..][..width].copy_from_slice(row);
         }
     }
 }
 
-struct Write<'a, 'b, W> {
-    product: &'a Product<'b, W>,
-    target: &'a mut [W],
-    places: &'a [usize],
-    origin: usize,
-}
+struct Write<'a, 'b, W>(&'a Product<'b, W>, &'a mut [W], &'a [usize], usize);
 
 /// Words of f32 that are summed before their sum joins a longer one: rounding then grows with this
 /// and with the number of blocks, not with a row's length. None where all are summed together:
@@ -314,7 +302,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
-        let (product, places, origin) = (self.product, self.places, self.origin);
+        let Self(product, target, places, origin) = self;
         let tallest = tallest::<S>();
         let (k, n) = (product.panels.k, product.panels.n);
         let frame_rows = product.frame_rows.max(1);
@@ -347,7 +335,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
                                 lanes,
                                 arithmetic,
                             };
-                            tile.write(self.target);
+                            tile.write(target);
                         }
                     }
                 }
@@ -382,7 +370,52 @@ impl<S: Lanes, A: Arithmetic<S>> Tile<'_, '_, S, A> {
     fn write_vectors<const NV: usize>(self, target: &mut [A::Word]) {
         let tile = &self;
         with_height!(self.places.len(), S, H => {
-            self.arithmetic.apart(self.lanes, SizedTile::<S, A, H, NV> { tile, target });
+            self.arithmetic.apart(
+                self.lanes,
+                #[inline(always)]
+                move || tile.write_rows::<H, NV>(target),
+            );
+        });
+    }
+
+    /// `H` rows and `NV` vectors.
+    #[inline(always)]
+    fn write_rows<const H: usize, const NV: usize>(&self, target: &mut [A::Word]) {
+        let (panel, lanes, arithmetic) = (self.panel, self.lanes, self.arithmetic);
+        let row = |i: usize| self.places[i] - self.origin + A::Word::words(panel.column);
+        let epilogue = self.product.epilogue;
+        // Of bytes, a tile's columns are half a cache line: what is only stored there waits for none.
+        if !A::Word::WHOLE || epilogue.accumulate.is_some() {
+            for i in 0..H {
+                prefetch(&target[row(i)..][..A::Word::words(panel.columns)], true);
+            }
+        }
+        let sums = self.sums::<H, NV>();
+        let columns = (panel.column, panel.columns);
+        let finish = Finish::<S, NV>::new(lanes, epilogue, self.frame, columns);
+        if panel.columns < NV * S::F32_LANES {
+            // A copy, so that the sums below are never in memory.
+            #[allow(clippy::redundant_locals)]
+            let sums = sums;
+            for (i, sums) in sums.iter().enumerate() {
+                let out = &mut target[row(i)..][..A::Word::words(panel.columns)];
+                let mut stored = [lanes.splat_f32s(0.0); NV];
+                if finish.accumulate {
+                    stored = arithmetic.load_part(lanes, out);
+                }
+                let ended = finish.apply(lanes, arithmetic, sums, stored);
+                arithmetic.store_part(lanes, ended, out);
+            }
+            return;
+        }
+        each_row!(H, i, {
+            let out = &mut target[row(i)..][..A::Word::words(NV * S::F32_LANES)];
+            let mut stored = [lanes.splat_f32s(0.0); NV];
+            if finish.accumulate {
+                stored = arithmetic.load(lanes, out);
+            }
+            let ended = finish.apply(lanes, arithmetic, &sums[i], stored);
+            arithmetic.store::<NV>(lanes, ended, out);
         });
     }
 
@@ -436,59 +469,6 @@ impl<S: Lanes, A: Arithmetic<S>> Tile<'_, '_, S, A> {
             });
         }
         sums
-    }
-}
-
-/// A tile of `H` rows and `NV` vectors to be written.
-struct SizedTile<'a, 'b, 'c, S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> {
-    tile: &'a Tile<'b, 'c, S, A>,
-    target: &'a mut [A::Word],
-}
-
-impl<S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> NullaryFnOnce
-    for SizedTile<'_, '_, '_, S, A, H, NV>
-{
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { tile, target } = self;
-        let (panel, lanes, arithmetic) = (tile.panel, tile.lanes, tile.arithmetic);
-        let row = |i: usize| tile.places[i] - tile.origin + A::Word::words(panel.column);
-        let epilogue = tile.product.epilogue;
-        // Of bytes, a tile's columns are half a cache line: what is only stored there waits for none.
-        if !A::Word::WHOLE || epilogue.accumulate.is_some() {
-            for i in 0..H {
-                prefetch(&target[row(i)..][..A::Word::words(panel.columns)], true);
-            }
-        }
-        let sums = tile.sums::<H, NV>();
-        let columns = (panel.column, panel.columns);
-        let finish = Finish::<S, NV>::new(lanes, epilogue, tile.frame, columns);
-        if panel.columns < NV * S::F32_LANES {
-            // A copy, so that the sums below are never in memory.
-            #[allow(clippy::redundant_locals)]
-            let sums = sums;
-            for (i, sums) in sums.iter().enumerate() {
-                let out = &mut target[row(i)..][..A::Word::words(panel.columns)];
-                let mut stored = [lanes.splat_f32s(0.0); NV];
-                if finish.accumulate {
-                    stored = arithmetic.load_part(lanes, out);
-                }
-                let ended = finish.apply(lanes, arithmetic, sums, stored);
-                arithmetic.store_part(lanes, ended, out);
-            }
-            return;
-        }
-        each_row!(H, i, {
-            let out = &mut target[row(i)..][..A::Word::words(NV * S::F32_LANES)];
-            let mut stored = [lanes.splat_f32s(0.0); NV];
-            if finish.accumulate {
-                stored = arithmetic.load(lanes, out);
-            }
-            let ended = finish.apply(lanes, arithmetic, &sums[i], stored);
-            arithmetic.store::<NV>(lanes, ended, out);
-        });
     }
 }
 
@@ -552,9 +532,9 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         })
     }
 
-    /// Ends a row's sums and stores them; `WHOLE` where they fill the vectors.
+    /// Ends a row's sums by so many of the limits and stores them; `WHOLE` where they fill the vectors.
     #[inline(always)]
-    pub(super) fn store<A: Arithmetic<S>, const WHOLE: bool>(
+    pub(super) fn store<A: Arithmetic<S>, const WHOLE: bool, const LIMITS: usize>(
         self,
         lanes: S,
         arithmetic: A,
@@ -569,7 +549,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         let mut ended = sums;
         for v in 0..NV {
             let sum = arithmetic.numbers(lanes, ended[v]);
-            ended[v] = self.apply_some::<A, 2>(lanes, arithmetic, v, sum, stored[v]);
+            ended[v] = self.apply_some::<A, LIMITS>(lanes, arithmetic, v, sum, stored[v]);
         }
         if WHOLE {
             arithmetic.store(lanes, ended, out);

@@ -30,9 +30,6 @@ pub(super) struct Rows<'a, W> {
 
 /// Weights that rows are convolved by.
 pub(super) trait RowWeights<W: Word>: Sized {
-    /// The level whose vectors they are laid out for.
-    fn level(&self) -> Level;
-
     /// Writes pixel `i` at `places[i] - origin` of the target; inlined as [`Kernel::run`](super::simd::Kernel::run).
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(writer: Writer<'_, W, Self, S, A>);
 }
@@ -79,33 +76,24 @@ impl<'a, W: Word> Rows<'a, W> {
         }
     }
 
-    /// Convolves the rows into the target.
-    pub(super) fn write<P: RowWeights<W>>(&self, weights: &P, target: &mut [W]) {
-        let rows = self;
-        let write = Write {
-            rows,
-            weights,
-            target,
-        };
-        W::run(weights.level(), write);
+    /// Convolves the rows into the target by weights that are laid out for a level.
+    pub(super) fn write<P: RowWeights<W>>(&self, level: Level, weights: &P, target: &mut [W]) {
+        W::run(level, Write(self, weights, target));
     }
 }
 
-struct Write<'a, W, P> {
-    rows: &'a Rows<'a, W>,
-    weights: &'a P,
-    target: &'a mut [W],
-}
+struct Write<'a, W, P>(&'a Rows<'a, W>, &'a P, &'a mut [W]);
 
 impl<W: Word, P: RowWeights<W>> WordKernel<W> for Write<'_, W, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
+        let Self(rows, weights, target) = self;
         P::write(Writer {
-            rows: *self.rows,
-            weights: self.weights,
-            target: self.target,
+            rows: *rows,
+            weights,
+            target,
             lanes,
             arithmetic,
         });

@@ -7,13 +7,12 @@ use std::cell::Cell;
 use std::sync::OnceLock;
 
 use bytemuck::{cast_slice, cast_slice_mut};
-pub use pulp::NullaryFnOnce;
 #[cfg(target_arch = "aarch64")]
 use pulp::aarch64::Neon;
-use pulp::{Scalar128b, Simd};
+use pulp::{NullaryFnOnce, Scalar128b, Simd};
 #[cfg(target_arch = "x86_64")]
 use pulp::{
-    cast, i32x16,
+    cast,
     x86::{V3, V4},
 };
 
@@ -213,7 +212,18 @@ pub trait Kernel {
     fn run<S: Lanes>(self, lanes: S) -> Self::Output;
 }
 
-struct Call<K, S>(K, S);
+/// A closure that names no vectors and is `#[inline(always)]`: the compiler makes vectors of its loops. By `FnMut`, as
+/// `FnOnce` may be a function around it that is not inlined.
+impl<T, F: FnMut() -> T> Kernel for F {
+    type Output = T;
+
+    #[inline(always)]
+    fn run<S: Lanes>(mut self, _: S) -> T {
+        self()
+    }
+}
+
+pub(super) struct Call<K, S>(pub(super) K, pub(super) S);
 
 impl<K: Kernel, S: Lanes> NullaryFnOnce for Call<K, S> {
     type Output = K::Output;
@@ -229,11 +239,11 @@ pub trait Lanes: Simd {
     /// `a * b + c`, in one rounding where the machine can.
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s;
 
-    /// Runs work compiled with the same instructions, in a function of its own where there is much of it: compiling
-    /// one function takes a time that grows with the square of its size.
+    /// Runs a closure, which is `#[inline(always)]`, compiled with the same instructions, in a function of its own where
+    /// there is much of it: compiling one function takes a time that grows with the square of its size.
     #[inline(always)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        self.vectorize(work)
+    fn apart(self, work: impl FnMut()) {
+        self.vectorize(Call(work, self));
     }
 
     /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
@@ -248,16 +258,11 @@ pub trait Lanes: Simd {
         self.at_most(most, self.at_least(least, x))
     }
 
-    /// In each run of `G` lanes, that run's lane `index` everywhere.
+    /// For words that hold `N` numbers each, in `N` vectors, of which this is `v`: in each run of `G` lanes that
+    /// group's word `index`. Of single numbers, that run's own lane.
     ///
-    /// `G` is 4, or 8 where there are 16 lanes.
-    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s;
-
-    /// The same for words that hold `N` numbers each, in `N` vectors, of which this is `v`: in
-    /// each run of `G` lanes that group's word `index`.
-    ///
-    /// `G` is 4 or 8, `N` 2 or 4.
-    fn spread_words<const G: usize, const N: usize>(
+    /// `G` is 4, or 8 where there are 16 lanes; `N` 1, 2 or 4.
+    fn spread<const G: usize, const N: usize>(
         self,
         x: Self::f32s,
         v: usize,
@@ -344,7 +349,7 @@ pub(crate) const fn channel_of(vector: usize, lane: usize) -> usize {
     lane / 4 * 16 + 4 * vector + lane % 4
 }
 
-/// The word that [`Lanes::spread_words`] puts into a lane.
+/// The word that [`Lanes::spread`] puts into a lane.
 #[inline(always)]
 const fn word_of<const G: usize, const N: usize>(
     lanes: usize,
@@ -441,13 +446,7 @@ macro_rules! of_bytes {
 macro_rules! of_four_lanes {
     () => {
         #[inline(always)]
-        fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-            let lane = [x.0, x.1, x.2, x.3][index % 4];
-            pulp::f32x4(lane, lane, lane, lane)
-        }
-
-        #[inline(always)]
-        fn spread_words<const G: usize, const N: usize>(
+        fn spread<const G: usize, const N: usize>(
             self,
             x: Self::f32s,
             v: usize,
@@ -466,8 +465,8 @@ impl Lanes for V4 {
 
     // A function that is called in one place alone would be inlined there: tiles of fourteen heights into one.
     #[inline(never)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        self.vectorize(work)
+    fn apart(self, work: impl FnMut()) {
+        self.vectorize(Call(work, self));
     }
 
     of_bytes!(
@@ -479,25 +478,7 @@ impl Lanes for V4 {
     );
 
     #[inline(always)]
-    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        let f = self.avx512f;
-        let x = cast(x);
-        cast(match (G, index) {
-            (4, 0) => f._mm512_permute_ps::<0b00_00_00_00>(x),
-            (4, 1) => f._mm512_permute_ps::<0b01_01_01_01>(x),
-            (4, 2) => f._mm512_permute_ps::<0b10_10_10_10>(x),
-            (4, _) => f._mm512_permute_ps::<0b11_11_11_11>(x),
-            _ => {
-                let (low, high) = (index as i32, (index + G) as i32);
-                let (l, h) = (low, high);
-                let lanes = i32x16(l, l, l, l, l, l, l, l, h, h, h, h, h, h, h, h);
-                f._mm512_permutexvar_ps(cast(lanes), x)
-            }
-        })
-    }
-
-    #[inline(always)]
-    fn spread_words<const G: usize, const N: usize>(
+    fn spread<const G: usize, const N: usize>(
         self,
         x: Self::f32s,
         v: usize,
@@ -570,19 +551,7 @@ impl Lanes for V3 {
     );
 
     #[inline(always)]
-    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        let avx = self.avx;
-        let x = cast(x);
-        cast(match index {
-            0 => avx._mm256_permute_ps::<0b00_00_00_00>(x),
-            1 => avx._mm256_permute_ps::<0b01_01_01_01>(x),
-            2 => avx._mm256_permute_ps::<0b10_10_10_10>(x),
-            _ => avx._mm256_permute_ps::<0b11_11_11_11>(x),
-        })
-    }
-
-    #[inline(always)]
-    fn spread_words<const G: usize, const N: usize>(
+    fn spread<const G: usize, const N: usize>(
         self,
         x: Self::f32s,
         v: usize,
@@ -605,8 +574,8 @@ const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Lanes for Scalar128b {
     #[inline(never)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        work.call()
+    fn apart(self, mut work: impl FnMut()) {
+        work();
     }
 
     #[inline(always)]

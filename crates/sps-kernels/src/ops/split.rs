@@ -17,7 +17,7 @@ use super::grid::{Grid, Window, pixels};
 use super::panels::Panels;
 use super::phases::Lattice;
 use super::product::{Epilogue, Product};
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::Level;
 use super::tiles::WORDS;
 use super::words::{Bf16Pair, Word, rounded};
 
@@ -123,16 +123,28 @@ impl Split {
         (source, from): (&[f32], &Grid),
         (target, pitch): (&mut [Bf16Pair], usize),
     ) {
-        let parts = source.chunks(PIXELS * from.pitch);
+        let (from, channels) = (from.pitch, self.shape.inputs);
+        let parts = source.chunks(PIXELS * from);
         let parts = parts.zip(target.chunks_mut(PIXELS * pitch));
-        let split = |(source, target)| {
-            self.level.run(SplitPixels {
-                source,
-                from: from.pitch,
-                channels: self.shape.inputs,
-                target,
-                pitch,
-            });
+        let split = |(source, target): (&[f32], &mut [Bf16Pair])| {
+            self.level.run(
+                #[inline(always)]
+                move || {
+                    let pixels = source.chunks(from);
+                    for (pixel, target) in pixels.zip(target.chunks_exact_mut(pitch)) {
+                        let numbers = Bf16Pair::each_mut(target);
+                        let (upper, lower) = numbers.split_at_mut(pitch);
+                        let pixel = &pixel[..channels];
+                        // One after the other, so that each loop becomes one over vectors.
+                        for (upper, number) in upper.iter_mut().zip(pixel) {
+                            *upper = rounded(*number);
+                        }
+                        for (lower, number) in lower.iter_mut().zip(pixel) {
+                            *lower = rounded(rest(*number));
+                        }
+                    }
+                },
+            );
         };
         match threads {
             Threads::One => parts.for_each(split),
@@ -144,35 +156,4 @@ impl Split {
 /// Words of one half of so many channels.
 const fn words(channels: usize) -> usize {
     channels.div_ceil(CHANNELS) * WORDS
-}
-
-struct SplitPixels<'a> {
-    source: &'a [f32],
-    /// Words from one pixel to the next.
-    from: usize,
-    channels: usize,
-    target: &'a mut [Bf16Pair],
-    /// The same of the target.
-    pitch: usize,
-}
-
-impl Kernel for SplitPixels<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let pixels = self.source.chunks(self.from);
-        for (pixel, target) in pixels.zip(self.target.chunks_exact_mut(self.pitch)) {
-            let numbers = Bf16Pair::each_mut(target);
-            let (upper, lower) = numbers.split_at_mut(self.pitch);
-            let pixel = &pixel[..self.channels];
-            // One after the other, so that each loop becomes one over vectors.
-            for (upper, number) in upper.iter_mut().zip(pixel) {
-                *upper = rounded(*number);
-            }
-            for (lower, number) in lower.iter_mut().zip(pixel) {
-                *lower = rounded(rest(*number));
-            }
-        }
-    }
 }

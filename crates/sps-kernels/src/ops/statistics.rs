@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::grid::{Grid, rows};
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::Level;
 use super::words::Word;
 
 /// Elements of a run, whose sums are taken in f32: a run is read twice and stays in the cache.
@@ -37,12 +37,11 @@ impl ChannelStatistics {
     pub(crate) fn of<W: Word>(level: Level, source: &[W], grid: &Grid) -> Self {
         let (channels, pitch) = (grid.channels, grid.pitch);
         let runs = |frame: &[W]| -> Vec<PartialStatistics> {
-            let statistics = |run| {
-                level.run(RunStatistics {
-                    run,
-                    channels,
-                    pitch,
-                })
+            let statistics = |run: &[W]| {
+                level.run(
+                    #[inline(always)]
+                    move || PartialStatistics::of(run, channels, pitch),
+                )
             };
             let runs = frame.par_chunks(run_rows(channels) * pitch);
             runs.map(statistics).collect()
@@ -88,43 +87,21 @@ impl PartialStatistics {
         }
     }
 
-    fn join(&mut self, other: &Self) {
-        let count = self.count + other.count;
-        let weight = other.count as f64 / count as f64;
-        let both = self.count as f64 * weight;
-        let others = other.mean.iter().zip(&other.squares);
-        for ((mean, squares), (m, s)) in self.mean.iter_mut().zip(&mut self.squares).zip(others) {
-            let distance = m - *mean;
-            *mean += distance * weight;
-            *squares += s + distance * distance * both;
-        }
-        self.count = count;
-    }
-}
-
-struct RunStatistics<'a, W> {
-    run: &'a [W],
-    channels: usize,
-    pitch: usize,
-}
-
-impl<W: Word> Kernel for RunStatistics<'_, W> {
-    type Output = PartialStatistics;
-
+    /// Of a run.
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> PartialStatistics {
-        let count = self.run.len() / self.pitch;
-        let mut sum = vec![0.0_f32; self.channels];
-        for row in rows(self.run, self.pitch, self.channels) {
+    fn of<W: Word>(run: &[W], channels: usize, pitch: usize) -> Self {
+        let count = run.len() / pitch;
+        let mut sum = vec![0.0_f32; channels];
+        for row in rows(run, pitch, channels) {
             for (sum, &x) in sum.iter_mut().zip(row) {
                 *sum += W::widened(x);
             }
         }
         let near: Vec<f32> = sum.iter().map(|sum| sum / count as f32).collect();
         // `near` is the mean but for rounding; what is left of the deviations corrects it.
-        let mut left = vec![0.0_f32; self.channels];
-        let mut squares = vec![0.0_f32; self.channels];
-        for row in rows(self.run, self.pitch, self.channels) {
+        let mut left = vec![0.0_f32; channels];
+        let mut squares = vec![0.0_f32; channels];
+        for row in rows(run, pitch, channels) {
             let sums = left.iter_mut().zip(&mut squares);
             for ((&x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
                 let deviation = W::widened(x) - near;
@@ -139,10 +116,23 @@ impl<W: Word> Kernel for RunStatistics<'_, W> {
         });
         let (shift, squares): (Vec<f64>, Vec<f64>) = corrected.unzip();
         let mean = near.iter().zip(shift).map(|(&near, s)| f64::from(near) + s);
-        PartialStatistics {
+        Self {
             count,
             mean: mean.collect(),
             squares,
         }
+    }
+
+    fn join(&mut self, other: &Self) {
+        let count = self.count + other.count;
+        let weight = other.count as f64 / count as f64;
+        let both = self.count as f64 * weight;
+        let others = other.mean.iter().zip(&other.squares);
+        for ((mean, squares), (m, s)) in self.mean.iter_mut().zip(&mut self.squares).zip(others) {
+            let distance = m - *mean;
+            *mean += distance * weight;
+            *squares += s + distance * distance * both;
+        }
+        self.count = count;
     }
 }

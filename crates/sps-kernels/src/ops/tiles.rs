@@ -20,7 +20,7 @@ use std::ops::Range;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel};
 use super::product::{CACHE, Epilogue, Finish, Product};
-use super::simd::{Lanes, NullaryFnOnce, TileKind};
+use super::simd::{Lanes, TileKind};
 use super::words::{Arithmetic, Word, WordKernel};
 
 /// Rows of a tile of the left and of sums.
@@ -60,8 +60,10 @@ impl Plan {
     /// None where the machine has no tiles, or a tile would do too little at once.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
         let kind = product.panels.level.tiles().filter(|_| W::NUMBERS > 1)?;
-        let depth = deepest(product.run);
-        (depth >= SHALLOWEST).then_some(Self { kind, depth })
+        // The deepest that a run is a multiple of.
+        let divides = |depth: &usize| product.run.is_multiple_of(*depth);
+        let depth = (SHALLOWEST..=WORDS).rev().find(divides)?;
+        Some(Self { kind, depth })
     }
 }
 
@@ -69,15 +71,6 @@ impl Plan {
 /// compile and never run.
 pub(super) const fn compiled<S: Lanes, A: Arithmetic<S>>() -> bool {
     A::BESIDE_TILES || cfg!(test) && S::F32_LANES == 4
-}
-
-/// The largest depth that a run is a multiple of.
-fn deepest(run: usize) -> usize {
-    let depths = (1..=WORDS).rev();
-    depths
-        .into_iter()
-        .find(|depth| run.is_multiple_of(*depth))
-        .unwrap_or(1)
 }
 
 /// Writes a product of words `L` into a map of words `W`, as [`Product::write`] says.
@@ -207,13 +200,22 @@ impl<W: Word> Copies<W> {
         }
     }
 
-    /// A tile's rows, after so many that were copied.
-    fn left(&self, before: usize) -> Left<'_, W> {
-        Left {
-            memory: &self.memory[self.first + (before - self.before) * HEIGHT * self.pitch..],
-            step: self.pitch,
-            taps: &self.taps,
-            lower: self.lower,
+    /// The rows of a tile.
+    #[inline(always)]
+    fn left<'s>(&'s self, product: &'s Product<'_, W>, rows: Rows) -> Left<'s, W> {
+        match rows.read {
+            Read::Copy(before) => Left {
+                memory: &self.memory[self.first + (before - self.before) * HEIGHT * self.pitch..],
+                step: self.pitch,
+                taps: &self.taps,
+                lower: self.lower,
+            },
+            Read::Source(step) => Left {
+                memory: &product.source[product.rows[rows.first]..],
+                step,
+                taps: product.taps,
+                lower: product.lower,
+            },
         }
     }
 }
@@ -420,7 +422,7 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
             }
         }
         let last = pair[pair.len() - 1];
-        let left = [left(product, pair[0], copies), left(product, last, copies)];
+        let left = [copies.left(product, pair[0]), copies.left(product, last)];
         let steps = [self.plan.depth, product.run];
         let vectors = (panel, lanes);
         let before = &*sums;
@@ -460,28 +462,10 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
             columns: summed.columns,
         };
         if summed.vectors == 1 {
-            arithmetic.apart(lanes, OfVectors::<_, 1>(finishing));
+            finishing.write::<1>();
         } else {
-            arithmetic.apart(lanes, OfVectors::<_, PANEL_VECTORS>(finishing));
+            finishing.write::<PANEL_VECTORS>();
         }
-    }
-}
-
-/// The rows of a tile.
-#[inline(always)]
-fn left<'s, W: Word>(
-    product: &'s Product<'_, W>,
-    rows: Rows,
-    copies: &'s Copies<W>,
-) -> Left<'s, W> {
-    match rows.read {
-        Read::Copy(before) => copies.left(before),
-        Read::Source(step) => Left {
-            memory: &product.source[product.rows[rows.first]..],
-            step,
-            taps: product.taps,
-            lower: product.lower,
-        },
     }
 }
 
@@ -520,22 +504,19 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     for ((&above, &below), panel) in taps.zip(panel.chunks_exact(halves * words)) {
         for step in 0..run / depth {
             let at = step * depth;
-            let right = &panel[at * width..][..depth * width];
+            let mut right = &panel[at * width..][..depth * width];
             let left = [&upper.memory[above + at..], &lower.memory[below + at..]];
             let rows = [upper.step, lower.step];
             steps -= 1;
-            let (mut right, mut loaded) = (right, false);
             if let (Some(above), Some(below)) = (upper.lower, lower.lower) {
                 // Both halves of the left by the upper ones of the right, then the upper ones by the lower.
                 let behind = [&left[0][above..], &left[1][below..]];
-                add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, loaded), |_| ());
-                loaded = true;
-                add::<W, T, H, V>(tiles, (behind, rows), (right, width, lanes, loaded), |_| ());
-                loaded = false;
+                add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, false), |_| ());
+                add::<W, T, H, V>(tiles, (behind, rows), (right, width, lanes, true), |_| ());
                 right = &panel[words + at * width..][..depth * width];
             }
             let last = steps == 0;
-            add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, loaded), |half| {
+            add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, false), |half| {
                 if last {
                     meanwhile(half);
                 }
@@ -596,10 +577,7 @@ fn store<W: Word, T: Tiles<W>>(
 }
 
 /// Rows of sums to be written by the epilogue of a frame and columns.
-struct Finishing<'a, S, A: Arithmetic<S>>
-where
-    S: Lanes,
-{
+struct Finishing<'a, S: Lanes, A: Arithmetic<S>> {
     lanes: S,
     arithmetic: A,
     epilogue: Epilogue<'a>,
@@ -615,40 +593,38 @@ where
     columns: (usize, usize),
 }
 
-/// Of `NV` vectors of columns.
-struct OfVectors<F, const NV: usize>(F);
-
-impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce
-    for OfVectors<Finishing<'_, S, A>, NV>
-{
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let whole = self.0.columns.1 == NV * S::F32_LANES;
-        let stored = self.0.epilogue.accumulate.is_some();
-        // A loop for each, so that none asks in each row.
-        match (whole, stored, self.0.limits) {
-            (false, ..) => self.0.rows::<NV, false, true, 2>(),
-            (_, false, 0) => self.0.rows::<NV, true, false, 0>(),
-            (_, false, 1) => self.0.rows::<NV, true, false, 1>(),
-            (_, false, _) => self.0.rows::<NV, true, false, 2>(),
-            (_, true, 0) => self.0.rows::<NV, true, true, 0>(),
-            (_, true, 1) => self.0.rows::<NV, true, true, 1>(),
-            (_, true, _) => self.0.rows::<NV, true, true, 2>(),
-        }
-    }
-}
-
 impl<S: Lanes, A: Arithmetic<S>> Finishing<'_, S, A> {
+    /// Writes rows of `NV` vectors of columns.
+    #[inline(always)]
+    fn write<const NV: usize>(mut self) {
+        let whole = self.columns.1 == NV * S::F32_LANES;
+        let stored = self.epilogue.accumulate.is_some();
+        self.arithmetic.apart(
+            self.lanes,
+            // A loop for each, so that none asks in each row.
+            #[inline(always)]
+            move || match (whole, stored, self.limits) {
+                (false, ..) => self.rows::<NV, false, true, 2>(),
+                (_, false, 0) => self.rows::<NV, true, false, 0>(),
+                (_, false, 1) => self.rows::<NV, true, false, 1>(),
+                (_, false, _) => self.rows::<NV, true, false, 2>(),
+                (_, true, 0) => self.rows::<NV, true, true, 0>(),
+                (_, true, 1) => self.rows::<NV, true, true, 1>(),
+                (_, true, _) => self.rows::<NV, true, true, 2>(),
+            },
+        );
+    }
+
     /// Writes rows that are as long as their vectors, or not; that may be added to what is stored, or are not; so many
     /// of whose limits matter.
     #[inline(always)]
-    fn rows<const NV: usize, const WHOLE: bool, const STORED: bool, const LIMITS: usize>(self) {
-        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+    fn rows<const NV: usize, const WHOLE: bool, const STORED: bool, const LIMITS: usize>(
+        &mut self,
+    ) {
         let (column, count) = self.columns;
         let columns = (column, if WHOLE { NV * S::F32_LANES } else { count });
-        let finish = Finish::<S, NV>::new(lanes, self.epilogue, self.frame, columns);
+        let mut finish = Finish::<S, NV>::new(self.lanes, self.epilogue, self.frame, columns);
+        finish.accumulate &= STORED;
         let (first, words) = (A::Word::words(column), A::Word::words(columns.1));
         let (sums, _) = S::as_simd_f32s(&self.sums.0);
         for (place, &within) in self.places.iter().zip(self.within) {
@@ -657,23 +633,7 @@ impl<S: Lanes, A: Arithmetic<S>> Finishing<'_, S, A> {
                 return;
             };
             let out = &mut self.target[place - self.origin + first..][..words];
-            let mut stored = [lanes.splat_f32s(0.0); NV];
-            if STORED && finish.accumulate && WHOLE {
-                stored = arithmetic.load(lanes, out);
-            } else if STORED && finish.accumulate {
-                stored = arithmetic.load_part(lanes, out);
-            }
-            // No closure: one that is not inlined is compiled without the instructions.
-            let mut ended = *sums;
-            for v in 0..NV {
-                let sum = arithmetic.numbers(lanes, ended[v]);
-                ended[v] = finish.apply_some::<A, LIMITS>(lanes, arithmetic, v, sum, stored[v]);
-            }
-            if WHOLE {
-                arithmetic.store(lanes, ended, out);
-            } else {
-                arithmetic.store_part(lanes, ended, out);
-            }
+            finish.store::<A, WHOLE, LIMITS>(self.lanes, self.arithmetic, *sums, out);
         }
     }
 }

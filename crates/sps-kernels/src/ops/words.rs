@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use half::bf16;
 use rayon::prelude::*;
 
-use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
+use super::simd::{Kernel, Lanes, Level};
 
 /// What feature maps and matrices are made of: 32 bits that hold one f32, two bf16 or four bytes.
 pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
@@ -167,7 +167,16 @@ impl Word for Bf16Pair {
         let mut words = vec![Self::default(); Self::words(weights.len())];
         let parts = Self::each_mut(&mut words).par_chunks_mut(ROUNDED);
         let parts = parts.zip(weights.par_chunks(ROUNDED));
-        parts.for_each(|(rounded, numbers)| level.run(Round { numbers, rounded }));
+        parts.for_each(|(words, numbers)| {
+            level.run(
+                #[inline(always)]
+                move || {
+                    for (to, number) in words.iter_mut().zip(numbers) {
+                        *to = rounded(*number);
+                    }
+                },
+            );
+        });
         Cow::Owned(words)
     }
 
@@ -220,23 +229,6 @@ pub(super) fn rounded(number: f32) -> bf16 {
 
 /// Numbers that one thread rounds.
 const ROUNDED: usize = 1 << 16;
-
-/// Rounds numbers to bf16.
-struct Round<'a> {
-    numbers: &'a [f32],
-    rounded: &'a mut [bf16],
-}
-
-impl Kernel for Round<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        for (to, number) in self.rounded.iter_mut().zip(self.numbers) {
-            *to = rounded(*number);
-        }
-    }
-}
 
 impl Real for Bf16Pair {
     // Of two vectors, even columns are in the first, odd ones in the second.
@@ -388,8 +380,8 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
 
     /// As [`Lanes::apart`], with the instructions of this arithmetic.
     #[inline(always)]
-    fn apart<F: NullaryFnOnce>(self, lanes: S, work: F) -> F::Output {
-        lanes.apart(work)
+    fn apart(self, lanes: S, work: impl FnMut()) {
+        lanes.apart(work);
     }
 
     /// `sum` and, in each lane, the products of the numbers of `x`, a map's, with those of `y`, a
@@ -424,9 +416,9 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     #[inline(always)]
     fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
         match Self::Word::NUMBERS {
-            1 => lanes.spread::<G>(x, index),
-            2 => lanes.spread_words::<G, 2>(x, v, index),
-            _ => lanes.spread_words::<G, 4>(x, v, index),
+            1 => lanes.spread::<G, 1>(x, v, index),
+            2 => lanes.spread::<G, 2>(x, v, index),
+            _ => lanes.spread::<G, 4>(x, v, index),
         }
     }
 

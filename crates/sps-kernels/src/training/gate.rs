@@ -84,10 +84,8 @@ fn linear_backward(
     let inputs = x.len() / frames;
     let mut weight = vec![0.0; outputs * inputs];
     let outer = Outer {
-        left: gradient,
-        left_rows: &starts(frames, outputs),
-        right: x,
-        right_rows: &starts(frames, inputs),
+        left: (gradient, &starts(frames, outputs)),
+        right: (x, &starts(frames, inputs)),
         height: outputs,
         width: inputs,
     };

@@ -103,10 +103,8 @@ fn sums_of_products(
         let [left_rows, right_rows] = [outputs, inputs].map(|step| starts(tiles.len(), step));
         for (i, sums) in sums.chunks_exact_mut(inputs * outputs).enumerate() {
             let outer = Outer {
-                left: &slopes[i / times * tiles.len() * outputs..],
-                left_rows: &left_rows,
-                right: &seen[i * tiles.len() * inputs..],
-                right_rows: &right_rows,
+                left: (&slopes[i / times * tiles.len() * outputs..], &left_rows),
+                right: (&seen[i * tiles.len() * inputs..], &right_rows),
                 height: outputs,
                 width: inputs,
             };

@@ -137,53 +137,33 @@ impl Winograd {
         target: &mut [W],
         epilogue: Epilogue<'_>,
     ) {
-        let whole = 0..pixels(reach.to.size) * reach.to.frames;
-        let heaviest = self.weights.first();
-        let outweigh = heaviest.is_some_and(|panels| panels.outweigh(reach.from, reach.to));
-        if threads == Threads::All && outweigh {
-            let threads = rayon::current_num_threads();
-            let weights = self.weights.iter();
-            let runs: Vec<Vec<_>> = weights.map(|w| w.all().split(threads)).collect();
-            let of_run = |run: usize| {
-                let of: Vec<_> = runs.iter().map(|runs| runs[run]).collect();
-                (of[0].column, of[0].n, of)
-            };
-            let columns: Vec<_> = (0..runs[0].len()).map(of_run).collect();
-            write_shared(
-                &columns,
-                (target, reach.places),
-                epilogue,
-                |weights, epilogue, block, places| {
-                    let reach = Reach { places, ..reach };
-                    self.write(weights, &reach, whole.clone(), (block, 0), epilogue);
-                },
-            );
-            return;
-        }
-        let weights: Vec<_> = self.weights.iter().map(Panels::all).collect();
-        for_each_band_of(self.side - 2, threads, reach.to, target, |band| {
-            let target = (band.target, band.origin);
-            self.write(&weights, &reach, band.pixels, target, epilogue);
-        });
-    }
-
-    /// Computes pixels, which are whole rows of tiles.
-    fn write<W: Word>(
-        &self,
-        weights: &[PanelRun<'_, f32>],
-        reach: &Reach<'_, W>,
-        band: Range<usize>,
-        target: (&mut [W], usize),
-        epilogue: Epilogue<'_>,
-    ) {
         let write = match self.side {
             4 => Self::write_tiles::<W, 4>,
             _ => Self::write_tiles::<W, 6>,
         };
-        write(self, weights, reach, band, target, epilogue);
+        let outweigh = |panels: &Panels| panels.outweigh(reach.from, reach.to);
+        let heavy = threads == Threads::All && self.weights.first().is_some_and(outweigh);
+        let weights: Vec<_> = self.weights.iter().map(Panels::all).collect();
+        if heavy {
+            let whole = 0..pixels(reach.to.size) * reach.to.frames;
+            write_shared(
+                &weights,
+                (target, reach.places),
+                epilogue,
+                |weights, epilogue, block, places| {
+                    let reach = Reach { places, ..reach };
+                    write(self, weights, &reach, whole.clone(), (block, 0), epilogue);
+                },
+            );
+            return;
+        }
+        for_each_band_of(self.side - 2, threads, reach.to, target, |band| {
+            let target = (band.target, band.origin);
+            write(self, &weights, &reach, band.pixels, target, epilogue);
+        });
     }
 
-    /// The same by tiles of `SIDE x SIDE` inputs.
+    /// Computes pixels, which are whole rows of tiles, of `SIDE x SIDE` inputs each.
     fn write_tiles<W: Word, const SIDE: usize>(
         &self,
         weights: &[PanelRun<'_, f32>],

@@ -149,7 +149,7 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformOutputs<'_, W, SIDE>
                         let pixel = tile.pixel + y * reach.to.size[2] + x;
                         let out = reach.places[pixel] - self.origin + W::words(channel);
                         let out = &mut self.target[out..][..W::words(S::F32_LANES)];
-                        finish.store::<A, true>(lanes, arithmetic, [value], out);
+                        finish.store::<A, true, 2>(lanes, arithmetic, [value], out);
                     }
                 }
             }

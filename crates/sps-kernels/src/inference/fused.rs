@@ -45,8 +45,6 @@ pub(super) struct Fused<W> {
 enum Step<W> {
     /// Convolutions side by side.
     Convs(Vec<Part<W>>),
-    /// The end of a gated residual branch.
-    Gated(Box<(Part<W>, PackedGate)>),
     Pool(MaxPool),
 }
 
@@ -55,6 +53,7 @@ enum Step<W> {
 struct Part<W> {
     conv: Conv,
     packed: Packed<W>,
+    gate: Option<PackedGate>,
     column: usize,
     /// The factor of what the map holds already, where results are added to that.
     accumulate: Option<f32>,
@@ -106,14 +105,13 @@ impl<W: Word> Fused<W> {
         (level, split): (Level, bool),
     ) -> Result<Self> {
         let unit = || vec![Scale::UNIT; network.channels.len()];
-        let scales = scales.unwrap_or_else(unit);
         let mut fused = Self {
             level,
             split,
             network: network.clone(),
             steps: Vec::new(),
             slots: Slots::new(network),
-            scales,
+            scales: scales.unwrap_or_else(unit),
         };
         for (map, layer) in (1..).zip(&network.layers) {
             let step = fused.step(weights, layer, fused.scales[map])?;
@@ -124,46 +122,38 @@ impl<W: Word> Fused<W> {
 
     /// What makes a layer's map, which is scaled like this.
     fn step(&self, weights: &dyn Tensors, layer: &Layer, to: Scale) -> Result<Step<W>> {
-        let ends = |conv: &Conv| Ends {
-            from: self.scales[conv.input],
-            to,
-            onto: layer.shortcut().map(|shortcut| self.scales[shortcut]),
-        };
-        Ok(match layer {
-            Layer::MaxPool(pool) => Step::Pool(pool.clone()),
-            Layer::Residual {
-                conv,
-                gate: Some(gate),
-                ..
-            } => {
-                let folded = Folded::new(conv, weights, self.network.eps)?;
-                let gate = PackedGate::new(gate, &folded, weights, self.level)?;
-                Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
-            }
-            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
-                let mut column = 0;
-                let part = |conv: &Conv| {
-                    let folded = Folded::new(conv, weights, self.network.eps)?;
-                    let mut part = self.part(conv, folded, column, ends(conv));
-                    for shift in &mut part.packed.shift {
-                        *shift += part.packed.offset;
-                    }
-                    column += conv.outputs;
-                    Ok(part)
-                };
-                Step::Convs(layer.convs().iter().map(part).collect::<Result<_>>()?)
-            }
-        })
-    }
-
-    fn part(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
-        Part {
-            conv: conv.clone(),
-            packed: folded.pack((self.level, self.split), ends),
-            column,
-            accumulate: ends.accumulate(),
-            limits: ends.limits::<W>(conv.activation),
+        if let Layer::MaxPool(pool) = layer {
+            return Ok(Step::Pool(pool.clone()));
         }
+        let (mut parts, mut column) = (Vec::new(), 0);
+        for conv in layer.convs() {
+            let ends = Ends {
+                from: self.scales[conv.input],
+                to,
+                onto: layer.shortcut().map(|shortcut| self.scales[shortcut]),
+            };
+            let folded = Folded::new(conv, weights, self.network.eps)?;
+            let gate = layer.gate();
+            let gate = gate.map(|gate| PackedGate::new(gate, &folded, weights, self.level));
+            let gate = gate.transpose()?;
+            let mut packed = folded.pack((self.level, self.split), ends);
+            // Behind a gate, the offset is added to what the gate makes of the shifts.
+            if gate.is_none() {
+                for shift in &mut packed.shift {
+                    *shift += packed.offset;
+                }
+            }
+            parts.push(Part {
+                conv: conv.clone(),
+                packed,
+                gate,
+                column,
+                accumulate: ends.accumulate(),
+                limits: ends.limits::<W>(conv.activation),
+            });
+            column += conv.outputs;
+        }
+        Ok(Step::Convs(parts))
     }
 
     /// Refuses images that are smaller than the network takes.
@@ -276,17 +266,14 @@ impl<W: Word> Fused<W> {
         match &self.steps[number] {
             Step::Convs(parts) => {
                 for part in parts {
+                    let (source, from) = source(part.conv.input);
                     let target = (&mut memory[W::words(part.column)..], to);
-                    part.apply(threads, source(part.conv.input), target, None);
+                    let factors = part.gate.as_ref().map(|gate| {
+                        let map = (source, from, self.scales[part.conv.input]);
+                        gate.factors(threads, self.level, map, &part.packed)
+                    });
+                    part.apply(threads, (source, from), target, factors.as_ref());
                 }
-            }
-            Step::Gated(gated) => {
-                let (part, gate) = gated.as_ref();
-                let input = part.conv.input;
-                let (source, from) = source(input);
-                let map = (source, from, self.scales[input]);
-                let factors = gate.factors(threads, self.level, map, &part.packed);
-                part.apply(threads, (source, from), (memory, to), Some(&factors));
             }
             Step::Pool(pool) => {
                 let (source, from) = source(pool.input);

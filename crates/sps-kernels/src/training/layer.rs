@@ -7,7 +7,7 @@ use crate::error::{Result, too_small};
 use crate::network::{self, IMAGE, Layer, Map, Network};
 use crate::ops::bands::Threads;
 use crate::ops::batch_norm::{Norm, NormGradients};
-use crate::ops::buffer::Recycler;
+use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
 use crate::ops::grid::{Grid, pixels};
@@ -54,6 +54,15 @@ impl Gradients {
         self.insert(layer, "weight", gradients.gamma);
         self.insert(layer, "bias", gradients.beta);
     }
+}
+
+/// A backward pass through a segment.
+pub(super) struct Reverse<'a, W: Real> {
+    pub(super) context: &'a Context,
+    /// The gradients of maps, without borders, as far as they are known.
+    pub(super) of_maps: BTreeMap<Map, Scratch<W>>,
+    /// Those of the parameters.
+    pub(super) gradients: &'a mut Gradients,
 }
 
 impl Context {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result, too_small};
 use crate::images::{Images, lay_out};
 use crate::inference::Scale;
-use crate::network::{IMAGE, Network};
+use crate::network::{IMAGE, Map, Network};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::grid::{Grid, pixels};
@@ -31,33 +31,8 @@ use layer::Context;
 pub use layer::Gradients;
 use segment::Kept;
 
-/// A network in training, and memory that one pass leaves to the next.
-///
-/// ```
-/// use sps_kernels::network::{Conv, IMAGE, Network, Slide};
-/// use sps_kernels::training::Training;
-/// use sps_kernels::{Images, Normalisation, Order};
-/// use std::collections::BTreeMap;
-/// use std::sync::Arc;
-///
-/// let mut network = Network::new("example", "classifier.");
-/// network.conv(IMAGE, Conv::new("stem", Slide::square(3, 2, 1), 8).relu());
-/// network.depth("stem");
-/// let specs = network.specs().into_iter();
-/// let tensors: BTreeMap<String, Vec<f32>> = specs
-///     .map(|spec| (spec.name, vec![0.1; spec.shape.iter().product()]))
-///     .collect();
-///
-/// let image = vec![0.5; 3 * 32 * 24];
-/// let images = [&image[..]];
-/// let images = Images::new(&images, Order::Pixels, [1, 32, 24], Normalisation::IMAGENET)?;
-/// let training = Training::new(Arc::new(network));
-/// let forward = training.forward(Arc::new(tensors), &images)?;
-/// // The gradient of a loss that is the sum of the embedding.
-/// let gradients = forward.pass.backward(&[1.0; 8])?;
-/// assert_eq!(gradients.0["stem.weight"].len(), 8 * 3 * 3 * 3);
-/// # Ok::<(), sps_kernels::Error>(())
-/// ```
+/// A network in training, and memory that one pass leaves to the next. The page of
+/// [`network`](crate::network) has an example.
 #[derive(Debug, Clone)]
 pub struct Training {
     network: Arc<Network>,
@@ -147,25 +122,15 @@ impl Training {
             recycler: Arc::clone(&self.recycler),
             level: self.level,
         };
-        match self.precision {
-            Precision::F32 => self.run::<f32>(context, images),
-            Precision::Bf16 => self.run::<Bf16Pair>(context, images),
+        let record = match self.precision {
+            Precision::F32 => Tape::<f32>::record,
+            Precision::Bf16 => Tape::<Bf16Pair>::record,
             Precision::Bf16x2 | Precision::Int8 => {
                 let (found, expected) = (self.precision, "f32 or bf16");
-                Err(Error::input("precision of training", found, expected))
+                return Err(Error::input("precision of training", found, expected));
             }
-        }
-    }
-
-    fn run<W: Real>(&self, context: Context, images: &Images<'_>) -> Result<Forward> {
-        let mut statistics = Vec::new();
-        let record = || Tape::<W>::record(context, images, self.checkpointing, &mut statistics);
-        let (tape, embeddings) = inside_pool(record)?;
-        Ok(Forward {
-            embeddings,
-            statistics,
-            pass: Pass(Box::new(tape)),
-        })
+        };
+        inside_pool(|| record(context, images, self.checkpointing))
     }
 }
 
@@ -229,45 +194,41 @@ struct Segment<W: Real> {
 }
 
 impl<W: Real> Tape<W> {
-    /// Runs forward; returns the embeddings, `(frames, width)`, too. With `checkpointing`, only the
-    /// inputs of the segments are kept, and the backward pass runs each segment forward once more.
-    fn record(
-        context: Context,
-        images: &Images<'_>,
-        checkpointing: bool,
-        statistics: &mut Vec<BatchStatistics>,
-    ) -> Result<(Self, Vec<f32>)> {
+    /// Runs forward. With `checkpointing`, only the inputs of the segments are kept, and the backward pass runs each
+    /// segment forward once more.
+    fn record(context: Context, images: &Images<'_>, checkpointing: bool) -> Result<Forward> {
         let sizes = context.network.sizes(images.size);
         let sizes = sizes.ok_or_else(|| too_small(images.size))?;
         let (frames, width) = (images.frames(), context.network.width());
         let grids = context.network.grids::<W>(frames, &sizes, |map| map);
         let mut input = Arc::new(images_value(&context, images, grids[IMAGE]));
-        let mut segments = Vec::new();
+        let (mut segments, mut statistics) = (Vec::new(), Vec::new());
         let mut embeddings = vec![0.0; frames * width];
         for layers in ranges(&context.network) {
-            let end = layers.end;
-            let statistics = Some(&mut *statistics);
-            let (kept, output) =
-                Kept::record(&context, layers.clone(), &input, &grids, statistics)?;
-            segments.push(Segment {
-                layers,
-                input,
-                kept: (!checkpointing).then_some(kept),
-            });
-            if let Some(block) = context.network.block(end) {
+            let (range, noted) = (layers.clone(), Some(&mut statistics));
+            let (kept, output) = Kept::record(&context, range, &input, &grids, noted)?;
+            if let Some(block) = context.network.block(layers.end) {
                 let (map, grid) = output.view();
                 let frames = embeddings.chunks_exact_mut(width);
                 let mut means: Vec<_> = frames.map(|frame| &mut frame[block.clone()]).collect();
                 frame_means(Threads::All, context.level, map, grid, &mut means);
             }
-            input = output;
+            segments.push(Segment {
+                layers,
+                input: std::mem::replace(&mut input, output),
+                kept: (!checkpointing).then_some(kept),
+            });
         }
         let tape = Self {
             context,
             segments,
             grids,
         };
-        Ok((tape, embeddings))
+        Ok(Forward {
+            embeddings,
+            statistics,
+            pass: Pass(Box::new(tape)),
+        })
     }
 
     /// The gradients of the parameters, from that of the embeddings.
@@ -337,11 +298,6 @@ fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> 
 
 /// The layers cut at each map that is alone: all made before it have been read.
 fn ranges(network: &Network) -> Vec<Range<usize>> {
-    let mut ranges = Vec::new();
-    let mut start = 0;
-    for end in network.alone().skip(1) {
-        ranges.push(start..end);
-        start = end;
-    }
-    ranges
+    let cuts: Vec<Map> = network.alone().collect();
+    cuts.windows(2).map(|ends| ends[0]..ends[1]).collect()
 }

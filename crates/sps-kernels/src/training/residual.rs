@@ -1,9 +1,9 @@
 //! The end of a residual branch, forward and backward.
 
+use super::Value;
 use super::conv::{KeptConv, input_gradient};
 use super::gate::KeptGate;
-use super::layer::{Context, Gradients};
-use super::{Value, segment::MapGradients};
+use super::layer::{Context, Reverse};
 use crate::error::{Error, Result};
 use crate::network::{Conv, Gate};
 use crate::ops::batch_norm::{FrameSums, NormGradients, Slopes};
@@ -53,34 +53,33 @@ impl<W: Real> KeptResidual<W> {
     /// does.
     pub(super) fn backward(
         &self,
-        (context, conv, gate): (&Context, &Conv, Option<&Gate>),
+        pass: &mut Reverse<'_, W>,
+        (conv, gate): (&Conv, Option<&Gate>),
         [source, end]: [&Value<W>; 2],
         mut gradient: Scratch<W>,
-        of_maps: &mut MapGradients<W>,
-        gradients: &mut Gradients,
     ) -> Result<Scratch<W>> {
-        let (level, activation) = (context.level, conv.activation);
-        let (raw, norm, grid) = (&self.conv.raw, &self.conv.norm, &self.conv.grid);
+        let (level, activation) = (pass.context.level, conv.activation);
+        let (raw, grid) = self.conv.raw.view();
+        let norm = &self.conv.norm;
         let sums = norm.mask(level, (raw, grid), end.view(), &mut gradient, activation);
-        let slopes = self.slopes(context, conv, gate, &sums, gradients)?;
+        let slopes = self.slopes(pass, conv, gate, &sums)?;
         let write = |target: &mut [W], layout: &Grid| {
             let ends: [&[W]; 2] = [raw, &gradient];
             norm.backward(level, &slopes, ends, (target, layout), None);
         };
-        input_gradient((context, conv), grid, source, of_maps, gradients, write)?;
+        input_gradient(pass, conv, grid, source, write)?;
         Ok(gradient)
     }
 
     /// Through the gate and the norm: what gives the gradient of the convolution.
     fn slopes(
         &self,
-        context: &Context,
+        pass: &mut Reverse<'_, W>,
         conv: &Conv,
         gate: Option<&Gate>,
         sums: &FrameSums,
-        gradients: &mut Gradients,
     ) -> Result<Slopes> {
-        let (norm, moments, grid) = (&self.conv.norm, &self.conv.moments, &self.conv.grid);
+        let (norm, moments, grid) = (&self.conv.norm, &self.conv.moments, &self.conv.raw.grid);
         let channels = grid.channels;
         let count = pixels(grid.size) as f64;
         let wide = |values: &[f32], i: usize| f64::from(values[i % values.len()]);
@@ -89,7 +88,7 @@ impl<W: Real> KeptResidual<W> {
                 let pairs = sums.gradient.iter().zip(&sums.product).enumerate();
                 let factor = |(i, (g, p))| wide(&norm.factor, i) * p + wide(&norm.beta, i) * g;
                 let factors: Vec<f32> = pairs.map(|pair| factor(pair) as f32).collect();
-                kept.backward(gate, context, &factors, gradients)?
+                kept.backward(gate, pass.context, &factors, pass.gradients)?
             }
             _ => vec![0.0; self.factors.len()],
         };
@@ -116,7 +115,7 @@ impl<W: Real> KeptResidual<W> {
             constant: shares.collect(),
         };
         if let Some(name) = &conv.norm {
-            gradients.norm(name, normed);
+            pass.gradients.norm(name, normed);
         }
         Ok(slopes)
     }

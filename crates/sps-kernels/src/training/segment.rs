@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::Value;
 use super::conv::{KeptConv, biased_backward};
-use super::layer::{Context, Gradients};
+use super::layer::{Context, Gradients, Reverse};
 use super::residual::KeptResidual;
 use crate::error::Result;
 use crate::network::{Conv, Layer, Map, MaxPool};
@@ -34,9 +34,6 @@ enum KeptLayer<W: Real> {
     Residual(Box<KeptResidual<W>>),
     Pool,
 }
-
-/// The gradients of maps, without borders, as far as they are known.
-pub(super) type MapGradients<W> = BTreeMap<Map, Scratch<W>>;
 
 impl<W: Real> Kept<W> {
     /// Runs forward; returns what to keep, and the output.
@@ -97,7 +94,7 @@ impl<W: Real> Kept<W> {
                 let mut memory = memory();
                 if let Some(added) = self.shortcut(*shortcut) {
                     let (onto, target) = (Some((&kept.factors[..], added)), (&mut memory[..], to));
-                    let (norm, raw) = (&kept.conv.norm, kept.conv.raw());
+                    let (norm, raw) = (&kept.conv.norm, kept.conv.raw.view());
                     norm.apply(context.level, raw, onto, target, conv.activation);
                 }
                 (KeptLayer::Residual(Box::new(kept)), Some(memory))
@@ -128,32 +125,35 @@ impl<W: Real> Kept<W> {
         gradient: Scratch<W>,
         gradients: &mut Gradients,
     ) -> Result<Option<Scratch<W>>> {
-        let mut of_maps = MapGradients::from([(layers.end, gradient)]);
+        let mut pass = Reverse {
+            context,
+            of_maps: BTreeMap::from([(layers.end, gradient)]),
+            gradients,
+        };
         for (number, kept) in layers.clone().zip(&self.layers).rev() {
             let map = number + 1;
-            let Some(gradient) = of_maps.remove(&map) else {
+            let Some(gradient) = pass.of_maps.remove(&map) else {
                 continue;
             };
             let layer = &context.network.layers[number];
             match (layer, kept) {
                 (Layer::Residual { conv, shortcut, .. }, KeptLayer::Residual(kept)) => {
                     let ends = [conv.input, map].map(|map| self.values[&map].as_ref());
-                    let pass = (context, conv, layer.gate());
-                    let added = kept.backward(pass, ends, gradient, &mut of_maps, gradients)?;
-                    give(&mut of_maps, *shortcut, added);
+                    let branch = (conv, layer.gate());
+                    let added = kept.backward(&mut pass, branch, ends, gradient)?;
+                    give(&mut pass, *shortcut, added);
                 }
                 (Layer::MaxPool(pool), _) => {
                     let of_input = self.pooled(context, pool, &self.values[&map], &gradient);
-                    give(&mut of_maps, pool.input, of_input);
+                    give(&mut pass, pool.input, of_input);
                 }
                 (layer, KeptLayer::Convs(all)) => {
-                    let convs = (layer.convs(), &all[..]);
-                    self.convs(context, map, convs, &gradient, &mut of_maps, gradients)?;
+                    self.convs(&mut pass, map, (layer.convs(), all), &gradient)?;
                 }
                 _ => {}
             }
         }
-        Ok(of_maps.remove(&layers.start))
+        Ok(pass.of_maps.remove(&layers.start))
     }
 
     /// The map of a residual branch's shortcut, or its norm where it is deferred.
@@ -165,7 +165,7 @@ impl<W: Real> Kept<W> {
         match self.layers.get(map.checked_sub(first + 1)?)? {
             KeptLayer::Convs(all) => {
                 let kept = all.first()?.as_ref()?;
-                Some(Shortcut::Normed(&kept.raw, &kept.norm))
+                Some(Shortcut::Normed(&kept.raw.memory, &kept.norm))
             }
             _ => None,
         }
@@ -174,32 +174,27 @@ impl<W: Real> Kept<W> {
     /// Runs convolutions side by side backward, from the gradient of their map.
     fn convs(
         &self,
-        context: &Context,
+        pass: &mut Reverse<'_, W>,
         map: Map,
         (convs, all): (&[Conv], &[Option<KeptConv<W>>]),
         gradient: &[W],
-        of_maps: &mut MapGradients<W>,
-        gradients: &mut Gradients,
     ) -> Result<()> {
         let channels = convs.iter().map(|conv| conv.outputs).sum();
         let mut column = 0;
         for (conv, kept) in convs.iter().zip(all) {
             let source = &self.values[&conv.input];
             if let (Some(kept), Some(norm)) = (kept, &conv.norm) {
-                let pass = (context, conv, &norm[..]);
                 if let [_] = convs {
-                    kept.backward(pass, source, gradient, of_maps, gradients)?;
+                    kept.backward(pass, (conv, norm), source, gradient)?;
                 } else {
-                    let part = columns(context, gradient, (channels, column), &kept.grid);
-                    kept.backward(pass, source, &part, of_maps, gradients)?;
+                    let part = columns(pass.context, gradient, (channels, column), &kept.raw.grid);
+                    kept.backward(pass, (conv, norm), source, &part)?;
                 }
             } else {
                 let (output, grid) = self.values[&map].view();
                 let first = W::words(column);
                 let output = (&output[first..], grid);
-                let gradient = &gradient[first..];
-                let pass = (context, conv);
-                biased_backward(pass, source, output, gradient, of_maps, gradients)?;
+                biased_backward(pass, conv, source, output, &gradient[first..])?;
             }
             column += conv.outputs;
         }
@@ -247,7 +242,7 @@ fn record<W: Real>(
     if let Some(norm) = &conv.norm {
         let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
         if let Some(target) = target {
-            let (norm, raw) = (&kept.norm, kept.raw());
+            let (norm, raw) = (&kept.norm, kept.raw.view());
             norm.apply(context.level, raw, None, target, conv.activation);
         }
         return Ok(Some(kept));
@@ -262,9 +257,9 @@ fn record<W: Real>(
 }
 
 /// Adds to the gradient of a map.
-fn give<W: Real>(of_maps: &mut MapGradients<W>, map: Map, gradient: Scratch<W>) {
-    let Some(sums) = of_maps.get_mut(&map) else {
-        of_maps.insert(map, gradient);
+fn give<W: Real>(pass: &mut Reverse<'_, W>, map: Map, gradient: Scratch<W>) {
+    let Some(sums) = pass.of_maps.get_mut(&map) else {
+        pass.of_maps.insert(map, gradient);
         return;
     };
     for (sum, gradient) in W::each_mut(sums).iter_mut().zip(W::numbers(&gradient)) {

@@ -31,16 +31,18 @@ fn main() -> Result<()> {
     let scales = calibrate(&network, &tensors, &[images], level)?;
     for precision in Precision::ALL {
         let inference = Inference::new(&network, &tensors, precision, Some(&scales), level)?;
-        println!("{precision}: {:.4?} ..", &inference.embed(&images)?[..4]);
+        let embeddings = inference.embed(&images)?;
+        assert_eq!(embeddings.len(), network.width());
+        println!("{precision}: {:.4?} ..", &embeddings[..4]);
     }
 
     let training = Training::new(Arc::new(network));
     let forward = training.forward(Arc::new(tensors), &images)?;
-    let gradients = forward
-        .pass
-        .backward(&vec![1.0; forward.embeddings.len()])?;
+    // The gradient of a loss that is the sum of the embedding.
+    let gradients = forward.pass.backward(&[1.0; 32])?;
     for (name, gradient) in &gradients.0 {
         println!("{name}: {} gradients", gradient.len());
     }
+    assert_eq!(gradients.0["stem.weight"].len(), 16 * 3 * 3 * 3);
     Ok(())
 }

@@ -72,10 +72,8 @@ impl<'a> Images<'a> {
         let misfit = pixels.iter().find(|image| Some(image.len()) != len);
         if pixels.is_empty() || misfit.is_some() || size.contains(&0) {
             let values = misfit.or(pixels.first()).map_or(0, |image| image.len());
-            let found = format_args!(
-                "{} images, one of {values} values for {size:?}",
-                pixels.len()
-            );
+            let images = pixels.len();
+            let found = format_args!("{images} images, one of {values} values for {size:?}");
             return Err(Error::input("images", found, "three values a pixel"));
         }
         Ok(Self {
@@ -127,11 +125,10 @@ pub(crate) fn lay_out<W: Word>(
     for_each_band(threads, &memory, out, |band| {
         level.run(LayOut {
             image,
-            order: images.order,
-            normalisation: images.normalisation.scaled(scale),
+            images,
             grid,
             band,
-            zero: scale.zero,
+            scale,
         });
     });
 }
@@ -139,11 +136,10 @@ pub(crate) fn lay_out<W: Word>(
 /// The same for some rows.
 struct LayOut<'a, 'b, W> {
     image: &'a [f32],
-    order: Order,
-    normalisation: Normalisation,
+    images: &'a Images<'a>,
     grid: &'a Grid,
     band: Band<'b, W>,
-    zero: f32,
+    scale: Scale,
 }
 
 impl<W: Word> Kernel for LayOut<'_, '_, W> {
@@ -157,11 +153,11 @@ impl<W: Word> Kernel for LayOut<'_, '_, W> {
         let memory = rows_of_words::<W>(self.grid);
         let words = memory.size[2];
         let plane = time * height * width;
-        let Normalisation { mean, std } = self.normalisation;
-        let mut numbers = vec![self.zero; W::NUMBERS * words];
+        let Normalisation { mean, std } = self.images.normalisation.scaled(self.scale);
+        let mut numbers = vec![self.scale.zero; W::NUMBERS * words];
         for row in self.band.rows(&memory) {
             let (pixels, _) = numbers[3 * self.grid.before[2]..][..3 * width].as_chunks_mut();
-            match self.order {
+            match self.images.order {
                 Order::Planes => {
                     let [red, green, blue] = [0, 1, 2]
                         .map(|channel| &self.image[channel * plane + row * width..][..width]);

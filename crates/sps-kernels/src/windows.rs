@@ -84,18 +84,14 @@ impl Windows {
     fn cells(&self, axis: usize, count: usize) -> Result<Vec<Range<usize>>> {
         let (extent, window) = (self.image[axis], self.window[axis]);
         if window * count < extent {
-            let side = ["height", "width"][axis];
+            let found = format_args!("{} {window}", ["height", "width"][axis]);
             let least = extent.div_ceil(count);
             let expected = format_args!("at least {least}, one cell of the feature map");
-            let found = format_args!("{side} {window}");
             return Err(Error::input("window", found, expected));
         }
         // The centre of cell `i` is at `(2i + 1) extent / 2 count`; this many are before `pixel`.
-        let before = |pixel: usize| {
-            (2 * pixel * count)
-                .saturating_sub(extent)
-                .div_ceil(2 * extent)
-        };
+        let doubled = |pixel: usize| (2 * pixel * count).saturating_sub(extent);
+        let before = |pixel: usize| doubled(pixel).div_ceil(2 * extent);
         let cells = |start: usize| before(start)..before(start + window);
         Ok(self.starts(axis).map(cells).collect())
     }
@@ -151,21 +147,6 @@ pub struct CellSums {
 }
 
 impl CellSums {
-    /// Of a feature map `(rows, columns, width)`, row-major.
-    ///
-    /// # Errors
-    ///
-    /// Numbers that are not as many, an extent of 0.
-    pub fn of_map(features: &[f32], [rows, columns]: [usize; 2], width: usize) -> Result<Self> {
-        let grid = Grid::tight(1, [1, rows, columns], width);
-        if features.is_empty() || features.len() != grid.len() {
-            let found = format_args!("{} numbers", features.len());
-            let expected = format_args!("{rows} x {columns} x {width}, none of them 0");
-            return Err(Error::input("feature map", found, expected));
-        }
-        Ok(Self::new(features, &grid, Scale::UNIT))
-    }
-
     /// Of the one frame of a feature map of an image, whose numbers stand for what `scale` says.
     pub(crate) fn new<W: Word>(features: &[W], grid: &Grid, scale: Scale) -> Self {
         let ([_, rows, columns], width) = (grid.size, grid.channels);

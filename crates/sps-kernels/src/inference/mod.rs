@@ -37,31 +37,8 @@ use fused::{Fused, GROUP, Seen, Workspace};
 use resources::{Share, shares};
 use scales::Values;
 
-/// A network with its tensors, ready to embed images. Clones share it.
-///
-/// ```
-/// use sps_kernels::inference::Inference;
-/// use sps_kernels::network::{Conv, IMAGE, Network, Slide};
-/// use sps_kernels::{Images, Normalisation, Order, Precision, simd::Level};
-/// use std::collections::BTreeMap;
-///
-/// // Eight windows of 3 x 3 over an image, rectified; an embedding is their mean over space.
-/// let mut network = Network::new("example", "classifier.");
-/// network.conv(IMAGE, Conv::new("stem", Slide::square(3, 2, 1), 8).relu());
-/// network.depth("stem");
-/// let numbers = |len: usize| vec![0.1; len];
-/// let specs = network.specs().into_iter();
-/// let tensors: BTreeMap<String, Vec<f32>> = specs
-///     .map(|spec| (spec.name, numbers(spec.shape.iter().product())))
-///     .collect();
-///
-/// let inference = Inference::new(&network, &tensors, Precision::F32, None, Level::detect())?;
-/// let (image, size) = (vec![0.5; 3 * 32 * 24], [1, 32, 24]);
-/// let images = [&image[..], &image[..]];
-/// let images = Images::new(&images, Order::Pixels, size, Normalisation::IMAGENET)?;
-/// assert_eq!(inference.embed(&images)?.len(), 2 * network.width());
-/// # Ok::<(), sps_kernels::Error>(())
-/// ```
+/// A network with its tensors, ready to embed images. Clones share it. The page of
+/// [`network`](crate::network) has an example.
 #[derive(Debug, Clone)]
 pub struct Inference {
     kernels: Arc<dyn Kernels>,
@@ -83,21 +60,19 @@ impl Inference {
         level: Level,
     ) -> Result<Self> {
         tensors::check(network, tensors)?;
-        Ok(match precision {
-            Precision::F32 | Precision::Bf16x2 => {
-                let split = precision == Precision::Bf16x2;
-                Self::of::<f32>(network, tensors, None, (level, split))?
-            }
-            Precision::Bf16 => Self::of::<Bf16Pair>(network, tensors, None, (level, false))?,
+        match precision {
+            Precision::F32 => Self::of::<f32>(network, tensors, None, (level, false)),
+            Precision::Bf16x2 => Self::of::<f32>(network, tensors, None, (level, true)),
+            Precision::Bf16 => Self::of::<Bf16Pair>(network, tensors, None, (level, false)),
             Precision::Int8 => {
                 let maps = network.channels.len();
-                let Some(scales) = scales.and_then(|scales| scales.get(..maps)) else {
-                    let found = format_args!("{}", scales.map_or(0, <[Scale]>::len));
+                let Some(of_maps) = scales.and_then(|scales| scales.get(..maps)) else {
+                    let found = scales.map_or(0, <[Scale]>::len);
                     return Err(Error::input("scales for int8", found, maps));
                 };
-                Self::of::<Bytes>(network, tensors, Some(scales.to_vec()), (level, false))?
+                Self::of::<Bytes>(network, tensors, Some(of_maps.to_vec()), (level, false))
             }
-        })
+        }
     }
 
     fn of<W: Word>(

@@ -1,6 +1,10 @@
 //! A network as data: a list of layers, which the executors walk.
 //!
 //! Its tensors, multiply-adds, widths and the extents that it takes follow from the list.
+//!
+//! ```
+#![doc = include_str!("../../examples/network.rs")]
+//! ```
 
 mod depths;
 

@@ -11,22 +11,7 @@ use crate::ops::simd::Level;
 
 /// Convolution of feature maps `(frames, time, height, width, inputs)` by weights
 /// `(outputs, inputs / groups, time, height, width)`, to `(frames, time, height, width, outputs)`, f32,
-/// row-major; with its gradients.
-///
-/// ```
-/// use sps_kernels::{ConvShape, Convolution, Window};
-///
-/// // Two images of 32 x 24 pixels with 3 channels each, and 8 windows of 3 x 3.
-/// let shape = ConvShape { window: Window::square(3, 1, 1), inputs: 3, outputs: 8, groups: 1 };
-/// let convolution = Convolution::new(2, [1, 32, 24], shape)?;
-/// let (x, weight) = (vec![0.5; 2 * 32 * 24 * 3], vec![0.1; 8 * 3 * 3 * 3]);
-/// let y = convolution.forward(&x, &weight)?;
-/// assert_eq!(y.len(), 2 * 32 * 24 * 8);
-///
-/// let [of_x, of_weight] = convolution.backward(&x, &weight, &y)?;
-/// assert_eq!([of_x.len(), of_weight.len()], [x.len(), weight.len()]);
-/// # Ok::<(), sps_kernels::Error>(())
-/// ```
+/// row-major; with its gradients. The crate's README has an example.
 #[derive(Debug, Clone, Copy)]
 pub struct Convolution {
     shape: ConvShape,

@@ -3,8 +3,6 @@
 #[path = "../tests/suite/problems.rs"]
 #[allow(dead_code, reason = "the tests use the rest")]
 mod problems;
-#[path = "../tests/suite/uniform.rs"]
-mod uniform;
 
 use std::hint::black_box;
 

@@ -7,8 +7,6 @@
 #[path = "../tests/suite/problems.rs"]
 #[allow(dead_code, reason = "the tests use the rest")]
 mod problems;
-#[path = "../tests/suite/uniform.rs"]
-mod uniform;
 
 use problems::LateFusion;
 use sps_viewselect::{

@@ -45,16 +45,13 @@ mod tests {
     use safetensors::Dtype;
 
     use super::*;
-    use crate::golden::golden;
-    use crate::uniform::uniform;
+    use crate::golden::{golden, uniform};
 
     const PARAMETERS: usize = 15;
 
     fn image(name: &str) -> Vec<f64> {
-        uniform(name)
-            .map(|u| f64::from(u as f32))
-            .take(PARAMETERS)
-            .collect()
+        let numbers = uniform(name, PARAMETERS).into_iter();
+        numbers.map(|u| f64::from(u as f32)).collect()
     }
 
     #[test]

@@ -1,6 +1,12 @@
-//! Numbers that PyTorch computed, of `fixtures/golden/make_golden.py`.
+//! Numbers that PyTorch computed, of `fixtures/golden/make_golden.py`, and the rule that fills its inputs.
 
 use safetensors::{Dtype, SafeTensors};
+
+#[path = "../../../fixtures/golden/rule.rs"]
+#[allow(dead_code, reason = "how far results are off is told otherwise here")]
+mod rule;
+
+pub(crate) use rule::uniform;
 
 /// The numbers of a tensor of a file, of a type of eight bytes each, and of this shape.
 pub(crate) fn golden(file: &str, tensor: &str, dtype: Dtype, shape: &[usize]) -> Vec<[u8; 8]> {

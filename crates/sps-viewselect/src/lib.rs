@@ -22,9 +22,6 @@ mod sets;
 mod shared;
 mod softmax;
 mod stream;
-#[cfg(test)]
-#[path = "../tests/suite/uniform.rs"]
-mod uniform;
 mod value;
 mod value_search;
 mod vb_nvs;

@@ -5,9 +5,8 @@ use std::collections::HashMap;
 use safetensors::Dtype;
 
 use super::*;
-use crate::golden::golden;
+use crate::golden::{golden, uniform};
 use crate::sets::is_distinct;
-use crate::uniform::uniform;
 
 const SLOTS: usize = 3;
 const VIEWS: usize = 5;
@@ -31,9 +30,8 @@ impl Policy {
 
     /// Sum over the slots of the entropy of `softmax(z_m)`, in nats: from 0 to `M ln N`.
     pub(super) fn entropy(&self) -> f64 {
-        self.rows()
-            .map(|row| softmax::entropy(&softmax::log_softmax(row, &[])))
-            .sum()
+        let entropy = |row| softmax::entropy(&softmax::log_softmax(row, &[]));
+        self.rows().map(entropy).sum()
     }
 }
 
@@ -44,10 +42,8 @@ fn all_sets(distinct: bool) -> impl Iterator<Item = [usize; SLOTS]> {
 }
 
 fn logits() -> Vec<f64> {
-    uniform("policy")
-        .map(|u| 2.0 * u)
-        .take(SLOTS * VIEWS)
-        .collect()
+    let numbers = uniform("policy", SLOTS * VIEWS).into_iter();
+    numbers.map(|u| 2.0 * u).collect()
 }
 
 fn policy(logits: Vec<f64>, distinct: bool) -> Policy {
@@ -80,9 +76,8 @@ fn assert_close(found: &[f64], expected: &[f64], bound: f64) {
 fn probabilities_of_all_sets_add_up_to_one() {
     for distinct in [false, true] {
         let policy = policy(logits(), distinct);
-        let sum: f64 = all_sets(distinct)
-            .map(|set| policy.log_probability(&set).exp())
-            .sum();
+        let probability = |set: [usize; SLOTS]| policy.log_probability(&set).exp();
+        let sum: f64 = all_sets(distinct).map(probability).sum();
         assert!((sum - 1.0).abs() < 1e-14, "{sum}");
     }
 }
@@ -101,10 +96,8 @@ fn samples_come_as_often_as_they_should() {
             let count = counts.remove(set.as_slice()).unwrap_or_default();
             // Five standard deviations, and one for the rare ones.
             let bound = 5.0 * expected.sqrt() + 1.0;
-            assert!(
-                (count - expected).abs() < bound,
-                "{set:?}: {count} {expected}"
-            );
+            let off = (count - expected).abs();
+            assert!(off < bound, "{set:?}: {count} {expected}");
         }
         assert!(counts.is_empty(), "{counts:?}");
     }
@@ -114,7 +107,7 @@ fn samples_come_as_often_as_they_should() {
 fn reinforce_gradient_matches_differences() {
     for distinct in [false, true] {
         let chosen: Vec<_> = all_sets(distinct).step_by(7).collect();
-        let advantages: Vec<f64> = uniform("advantages").take(chosen.len()).collect();
+        let advantages = uniform("advantages", chosen.len());
         let expected = differences(|logits| {
             let policy = policy(logits, distinct);
             let both = chosen.iter().zip(&advantages);
@@ -158,27 +151,21 @@ fn reinforce_gradient_matches_autograd() {
     const BATCH: usize = 16;
     // Inputs go through f32, as the script's `image` has it; q does not.
     let rounded = |value: f64| f64::from(value as f32);
-    let logits = uniform("golden/reinforce.z").map(|u| 3.0 * rounded(u));
-    let policy = Policy::of(logits.take(SLOTS * VIEWS).collect(), VIEWS, false);
-    let drawn = uniform("golden/reinforce.q").map(|u| (0.5 * (u + 1.0) * 100.0) as usize);
-    let drawn: Vec<usize> = drawn.take(BATCH * SLOTS).collect();
+    let numbers = |leaf, len| uniform(&format!("golden/reinforce.{leaf}"), len).into_iter();
+    let logits = numbers("z", SLOTS * VIEWS).map(|u| 3.0 * rounded(u));
+    let policy = Policy::of(logits.collect(), VIEWS, false);
+    let drawn = numbers("q", BATCH * SLOTS).map(|u| (0.5 * (u + 1.0) * 100.0) as usize);
+    let drawn: Vec<usize> = drawn.collect();
     let stored = golden("reinforce", "q", Dtype::I64, &[BATCH, SLOTS]).into_iter();
-    assert!(
-        stored
-            .map(i64::from_le_bytes)
-            .eq(drawn.iter().map(|&view| view as i64))
-    );
-    let advantages = uniform("golden/reinforce.advantage").map(rounded);
-    let advantages: Vec<f64> = advantages.take(BATCH).collect();
+    let views = drawn.iter().map(|&view| view as i64);
+    assert!(stored.map(i64::from_le_bytes).eq(views));
+    let advantages: Vec<f64> = numbers("advantage", BATCH).map(rounded).collect();
 
     let sets = Sets::new(&drawn, SLOTS).expect("whole sets");
     let expected = golden("reinforce", "grad", Dtype::F64, &[SLOTS, VIEWS]).into_iter();
     let expected: Vec<f64> = expected.map(f64::from_le_bytes).collect();
-    assert_close(
-        &policy.reinforce_gradient(sets, &advantages),
-        &expected,
-        1e-15,
-    );
+    let found = policy.reinforce_gradient(sets, &advantages);
+    assert_close(&found, &expected, 1e-15);
     let none = Sets::new(&[], SLOTS).expect("no sets");
     let nothing = policy.reinforce_gradient(none, &[]);
     assert_eq!(nothing, vec![0.0; SLOTS * VIEWS]);

@@ -1,17 +1,12 @@
 //! What holds of every selector on every problem.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use proptest::prelude::*;
-use sps_viewselect::{Equidistant, EquidistantAt, Nadir, Random, SetFunction, SetLoss, Sets};
+use sps_viewselect::{Equidistant, EquidistantAt, Nadir, Random, SetFunction};
 
 use crate::problems::LateFusion;
-use crate::support::{Counted, all_selectors, problem, select};
-
-fn loss_of(loss: &impl SetLoss, set: &[usize]) -> f64 {
-    let mut losses = [0.0];
-    loss.losses(Sets::new(set, set.len()).expect("one set"), &mut losses)
-        .expect("a loss that does not fail");
-    losses[0]
-}
+use crate::support::{all_selectors, losses_of, problem, select, select_on};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
@@ -23,11 +18,16 @@ proptest! {
         distinct: bool,
     ) {
         prop_assume!(picks <= views);
-        let loss = Counted::new(LateFusion::new(views, picks, 5, index));
+        let fusion = LateFusion::new(views, picks, 5, index);
+        let asked = AtomicU64::new(0);
+        let loss = SetFunction::new(views, picks, |set: &[usize]| {
+            asked.fetch_add(1, Ordering::Relaxed);
+            losses_of(&fusion, set)[0]
+        });
         let problem = problem(&loss).seed(index).distinct(distinct);
         for (name, selector) in all_selectors() {
             let selection = select(&*selector, &problem);
-            prop_assert_eq!(loss.take(), selection.computed, "{}", name);
+            prop_assert_eq!(asked.swap(0, Ordering::Relaxed), selection.computed, "{}", name);
             prop_assert!(selection.computed <= selection.evaluations);
             prop_assert_eq!(selection.picks.len(), picks);
             prop_assert!(selection.picks.iter().all(|&view| view < views));
@@ -35,15 +35,14 @@ proptest! {
             sorted.sort_unstable();
             sorted.dedup();
             prop_assert!(!distinct || sorted.len() == picks, "{}: {:?}", name, selection.picks);
-            prop_assert_eq!(selection.loss, loss_of(&loss.loss, &selection.picks));
+            prop_assert_eq!(selection.loss, losses_of(&fusion, &selection.picks)[0]);
             let last = selection.curve.last().expect("at least one round");
             prop_assert_eq!(last.evaluations, selection.evaluations);
             prop_assert!(last.best <= selection.loss);
-            let forward = selection
-                .curve
-                .is_sorted_by(|a, b| a.evaluations < b.evaluations && a.best >= b.best);
+            let curve = selection.curve;
+            let forward = curve.is_sorted_by(|a, b| a.evaluations < b.evaluations && a.best >= b.best);
             prop_assert!(forward, "{}", name);
-            prop_assert!(selection.curve.iter().all(|point| point.mean >= point.best - 1e-12));
+            prop_assert!(curve.iter().all(|point| point.mean >= point.best - 1e-12));
             prop_assert!(selection.seconds >= 0.0);
         }
     }
@@ -100,8 +99,7 @@ fn equidistant_views_are_where_they_should_be() {
 
 #[test]
 fn fixed_selections_are_where_they_should_be() {
-    let of = |views, picks| SetFunction::new(views, picks, |_: &[usize]| 0.0);
-    let three = of(100, 3);
+    let three = SetFunction::new(100, 3, |_: &[usize]| 0.0);
     let nadir = Nadir::default();
     assert_eq!(select(&nadir, &problem(&three)).picks, [49, 49, 49]);
     let distinct = problem(&three).distinct(true);
@@ -117,4 +115,19 @@ fn seeds_and_draws_matter() {
     assert_eq!(picks(1, 1).picks, picks(1, 1).picks);
     assert_ne!(picks(1, 1).picks, picks(2, 1).picks);
     assert!(picks(1, 500).loss < picks(1, 1).loss);
+}
+
+#[test]
+fn selections_do_not_depend_on_the_number_of_threads() {
+    let loss = LateFusion::new(20, 3, 10, 3);
+    for distinct in [false, true] {
+        let problem = problem(&loss).seed(11).distinct(distinct);
+        for (name, selector) in all_selectors() {
+            let one = select_on(1, &*selector, &problem);
+            for threads in [2, 5] {
+                let found = select_on(threads, &*selector, &problem);
+                assert_eq!(one, found, "{name} on {threads} threads");
+            }
+        }
+    }
 }

@@ -3,12 +3,9 @@
 mod exhaustive;
 mod hard_cases;
 mod laws;
-mod planted;
 mod problems;
-mod regret;
 mod relations;
+mod searches;
 mod serde;
 mod shared;
 mod support;
-mod threads;
-mod uniform;

@@ -18,13 +18,9 @@ fn groups_are_increasing_distinct_and_as_many_as_asked() {
     let sampler = sampler.expect("100 views are enough");
     for step in 0..200 {
         let draw = sampler.training_step(step);
-        assert_eq!(
-            draw.iter()
-                .map(|scale| scale.views_per_group)
-                .collect::<Vec<_>>(),
-            [2, 3]
-        );
-        for scale in draw {
+        assert_eq!(draw.len(), 2);
+        for (scale, views_per_group) in draw.into_iter().zip([2, 3]) {
+            assert_eq!(scale.views_per_group, views_per_group);
             assert_eq!(scale.groups.len(), 3);
             for (place, group) in scale.groups.iter().enumerate() {
                 assert_eq!(group.len(), scale.views_per_group);
@@ -41,15 +37,12 @@ fn every_group_is_equally_likely() {
     let sampler = settings(&[2], 1).sampler(5, 4).expect("five views");
     let mut counts = HashMap::<Vec<usize>, f64>::new();
     for step in 0..10_000 {
-        *counts
-            .entry(sampler.training_step(step)[0].groups[0].clone())
-            .or_default() += 1.0;
+        let group = sampler.training_step(step)[0].groups[0].clone();
+        *counts.entry(group).or_default() += 1.0;
     }
     assert_eq!(counts.len(), 10);
-    let chi_square: f64 = counts
-        .values()
-        .map(|count| (count - 1000.0).powi(2) / 1000.0)
-        .sum();
+    let terms = counts.values().map(|count| (count - 1000.0).powi(2));
+    let chi_square = terms.sum::<f64>() / 1000.0;
     assert!(chi_square < 27.9, "{chi_square}");
 }
 
@@ -67,9 +60,8 @@ fn a_scale_with_few_groups_gives_all_of_them() {
 #[test]
 fn draws_depend_on_seed_and_step_and_test_draws_are_their_own() {
     let sampler = |seed| {
-        TemporalRelations::default()
-            .sampler(100, seed)
-            .expect("views enough")
+        let sampler = TemporalRelations::default().sampler(100, seed);
+        sampler.expect("views enough")
     };
     let first = sampler(1);
     assert_eq!(first.training_step(5), sampler(1).training_step(5));
@@ -82,28 +74,22 @@ fn draws_depend_on_seed_and_step_and_test_draws_are_their_own() {
 
 #[test]
 fn scales_that_do_not_fit_are_refused() {
-    assert!(matches!(
-        settings(&[2, 3], 1).sampler(2, 0),
-        Err(SelectError::TooManyPicks { views: 2, picks: 3 })
-    ));
-    assert!(matches!(
-        settings(&[0], 1).sampler(2, 0),
-        Err(SelectError::NoPicks)
-    ));
-    assert!(matches!(
-        settings(&[1], 1).sampler(0, 0),
-        Err(SelectError::NoViews)
-    ));
+    let refused = |scales: &[usize], views| {
+        let sampler = settings(scales, 1).sampler(views, 0);
+        sampler.expect_err("scales that do not fit")
+    };
+    let many = refused(&[2, 3], 2);
+    assert!(matches!(many, SelectError::TooManyPicks { views, picks } if (views, picks) == (2, 3)));
+    assert!(matches!(refused(&[0], 2), SelectError::NoPicks));
+    assert!(matches!(refused(&[1], 0), SelectError::NoViews));
+    let no_draws = TemporalRelations {
+        test_draws: 0,
+        ..TemporalRelations::default()
+    };
     for (field, settings) in [
         ("scales", settings(&[], 1)),
         ("per-scale", settings(&[2], 0)),
-        (
-            "test-draws",
-            TemporalRelations {
-                test_draws: 0,
-                ..TemporalRelations::default()
-            },
-        ),
+        ("test-draws", no_draws),
     ] {
         let error = settings.sampler(9, 0).expect_err("a setting out of range");
         assert!(matches!(error, SelectError::Setting { field: found, .. } if found == field));

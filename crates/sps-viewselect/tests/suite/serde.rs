@@ -41,10 +41,8 @@ fn a_selector_is_read_from_toml() {
 #[test]
 fn unknown_keys_are_refused() {
     for (text, key) in [("star = 3", "star"), ("pair_width = 3", "pair_width")] {
-        let error = toml::from_str::<Greedy>(text)
-            .expect_err("an unknown key")
-            .to_string();
-        assert!(error.contains(key), "{error}");
+        let error = toml::from_str::<Greedy>(text).expect_err("an unknown key");
+        assert!(error.to_string().contains(key), "{error}");
     }
     assert!(toml::from_str::<Nvs>("policy = { rate = 1.0 }").is_err());
 }

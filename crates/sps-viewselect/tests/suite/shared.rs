@@ -1,24 +1,25 @@
 //! Losses of several properties, pooled and remembered.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use proptest::prelude::*;
 use sps_viewselect::{
-    Exhaustive, Greedy, LossError, Pooled, Remembered, SelectError, Selection, Selector, SetLoss,
-    Sets, SharedLoss,
+    Exhaustive, Greedy, LossError, Pooled, Remembered, SelectError, Selector, Sets, SharedLoss,
 };
 
-use crate::support::{all_sets, problem, select, short_vb_nvs};
-use crate::uniform::uniform;
+use crate::problems::uniform;
+use crate::support::{all_sets, losses_of, problem, select, select_on, short_vb_nvs};
 
 /// The loss of a property is the sum of its values at the views: its optimum are the views of least
-/// value. Counts the sets that it is asked for.
+/// value. Counts the sets that it and its clones are asked for.
+#[derive(Clone)]
 struct Sums {
     picks: usize,
     /// Shape (properties, views).
     values: Vec<Vec<f64>>,
     ordered: bool,
-    asked: AtomicU64,
+    asked: Arc<AtomicU64>,
 }
 
 impl Sums {
@@ -27,7 +28,7 @@ impl Sums {
             picks,
             values,
             ordered: false,
-            asked: AtomicU64::new(0),
+            asked: Arc::default(),
         }
     }
 
@@ -35,10 +36,6 @@ impl Sums {
         let mut numbers = uniform(name);
         let row = |_| numbers.by_ref().take(views).collect();
         Self::new(picks, (0..properties).map(row).collect())
-    }
-
-    fn asked(&self) -> u64 {
-        self.asked.load(Ordering::Relaxed)
     }
 }
 
@@ -112,17 +109,13 @@ proptest! {
         amount in 0.0_f64..1.0,
     ) {
         let property = property.index(values.len());
-        let mean: Vec<f64> = (0..7)
-            .map(|view| values.iter().map(|row| row[view]).sum::<f64>() / values.len() as f64)
-            .collect();
+        let sum = |view: usize| values.iter().map(|row| row[view]).sum::<f64>();
+        let mean: Vec<f64> = (0..7).map(|view| sum(view) / values.len() as f64).collect();
         let shared = Remembered::new(Sums::new(picks, values.clone()));
 
         let loss = pooled(&shared, property, amount);
-        let flat = all_sets(7, picks, false).concat();
-        let mut found = vec![0.0; flat.len() / picks];
-        let sets = Sets::new(&flat, picks).expect("whole sets");
-        loss.losses(sets, &mut found).expect("a loss that does not fail");
-        for (set, found) in sets.iter().zip(found) {
+        let sets = all_sets(7, picks, false);
+        for (set, found) in sets.iter().zip(losses_of(&loss, &sets.concat())) {
             let own: f64 = set.iter().map(|&view| values[property][view]).sum();
             let all: f64 = set.iter().map(|&view| mean[view]).sum();
             let expected = (1.0 - amount) * own + amount * all;
@@ -147,18 +140,17 @@ fn a_set_is_computed_once_for_all_who_ask() {
     for (ordered, sets) in [(false, 84), (true, 504)] {
         let mut sums = Sums::named("shared/once", 9, 3, 4);
         sums.ordered = ordered;
-        let shared = Remembered::new(&sums);
-        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        one_thread.expect("a pool").install(|| {
-            for property in 0..4 {
-                for amount in [0.0, 0.3, 1.0] {
-                    let loss = pooled(&shared, property, amount);
-                    select(&Exhaustive::default(), &problem(&loss).distinct(true));
-                    select(&Greedy::default(), &problem(&loss).distinct(true));
-                }
+        let shared = Remembered::new(sums.clone());
+        for property in 0..4 {
+            for amount in [0.0, 0.3, 1.0] {
+                let loss = pooled(&shared, property, amount);
+                let problem = problem(&loss).distinct(true);
+                select_on(1, &Exhaustive::default(), &problem);
+                select_on(1, &Greedy::default(), &problem);
             }
-        });
-        assert_eq!((sums.asked(), shared.sets()), (sets, sets as usize));
+        }
+        let asked = sums.asked.load(Ordering::Relaxed);
+        assert_eq!((asked, shared.sets()), (sets, sets as usize));
         assert_eq!(shared.ordered(), ordered);
     }
 }
@@ -169,15 +161,12 @@ fn a_set_is_computed_once_for_all_who_ask() {
 fn all_orders_of_a_set_are_one_to_the_bit() {
     let sums = Sums::new(3, vec![vec![0.1, 0.2, 0.3]]);
     let of = |shared: &dyn SharedLoss, set: &[usize]| {
-        let mut losses = [0.0];
-        let sets = Sets::new(set, 3).expect("one set");
-        shared.losses(sets, &mut losses).expect("it does not fail");
-        losses[0].to_bits()
+        losses_of(&pooled(shared, 0, 0.0), set)[0].to_bits()
     };
     assert_ne!(of(&sums, &[0, 1, 2]), of(&sums, &[2, 1, 0]));
     let expected = of(&sums, &[0, 1, 2]);
     for first in all_sets(3, 3, true) {
-        let shared = Remembered::new(&sums);
+        let shared = Remembered::new(sums.clone());
         assert_eq!(of(&shared, &first), expected);
         assert_eq!(of(&shared, &[2, 1, 0]), expected);
     }
@@ -188,22 +177,17 @@ fn selections_do_not_depend_on_the_number_of_threads() {
     let sums = Sums::named("shared/threads", 20, 3, 5);
     let selectors: [&dyn Selector; 3] =
         [&Exhaustive::default(), &Greedy::default(), &short_vb_nvs()];
-    let all = |threads| -> Vec<Selection> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.expect("a pool").install(|| {
-            let shared = Remembered::new(&sums);
-            let of = |property| {
-                let loss = pooled(&shared, property, 0.4);
-                selectors.map(|selector| Selection {
-                    seconds: 0.0,
-                    ..select(selector, &problem(&loss).seed(3))
-                })
-            };
-            let found = (0..5).flat_map(of).collect();
-            // All sets of three of 20 views, repeats included: 22 * 21 * 20 / 6.
-            assert_eq!(shared.sets(), 1540);
-            found
-        })
+    let all = |threads| {
+        let shared = Remembered::new(sums.clone());
+        let mut found = Vec::new();
+        for property in 0..5 {
+            let loss = pooled(&shared, property, 0.4);
+            let problem = problem(&loss).seed(3);
+            found.extend(selectors.map(|selector| select_on(threads, selector, &problem)));
+        }
+        // All sets of three of 20 views, repeats included: 22 * 21 * 20 / 6.
+        assert_eq!(shared.sets(), 1540);
+        found
     };
     let one = all(1);
     for threads in [2, 5] {
@@ -215,19 +199,11 @@ fn selections_do_not_depend_on_the_number_of_threads() {
 fn settings_out_of_range_are_refused() {
     let sums = Sums::named("shared/settings", 4, 2, 3);
     let refused = Pooled::new(&sums, 3, 0.5).expect_err("three properties");
-    assert_eq!(
-        refused.to_string(),
-        "`property` is 3, expected a property that exists"
-    );
+    let expected = "`property` is 3, expected a property that exists";
+    assert_eq!(refused.to_string(), expected);
     for amount in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
         let refused = Pooled::new(&sums, 0, amount).expect_err("no share");
-        assert!(matches!(
-            refused,
-            SelectError::Setting {
-                field: "amount",
-                ..
-            }
-        ));
+        assert!(matches!(refused, SelectError::Setting { field, .. } if field == "amount"));
     }
 }
 

@@ -61,9 +61,8 @@ fn the_plain_form_learns_too_and_stays_finite_on_a_constant_reward() {
     let constant = SetFunction::new(9, 3, |_: &[usize]| 1.0);
     assert_eq!(select(&nvs, &problem(&constant)).loss, 1.0);
     // Negative losses: without a baseline, what is drawn becomes more probable, good sets faster.
-    let linear = SetFunction::new(6, 2, |set: &[usize]| {
-        set.iter().map(|&view| view as f64 - 6.0).sum()
-    });
+    let sum = |set: &[usize]| set.iter().map(|&view| view as f64 - 6.0).sum::<f64>();
+    let linear = SetFunction::new(6, 2, sum);
     let selection = select(&nvs, &problem(&linear));
     assert!(selection.loss <= -9.0, "{selection:?}");
 }
@@ -71,16 +70,14 @@ fn the_plain_form_learns_too_and_stays_finite_on_a_constant_reward() {
 #[test]
 fn huge_and_tiny_losses_stay_finite() {
     for scale in [1e100, 1e-300, 1e-160] {
-        let loss = SetFunction::new(10, 2, |set: &[usize]| {
-            -scale * set.iter().sum::<usize>() as f64 / 18.0
-        });
-        for selector in [short_nvs().policy, short_nvs().policy.plain()] {
+        let share = |set: &[usize]| set.iter().sum::<usize>() as f64 / 18.0;
+        let loss = SetFunction::new(10, 2, |set: &[usize]| -scale * share(set));
+        for policy in [short_nvs().policy, short_nvs().policy.plain()] {
             let nvs = Nvs {
-                policy: selector,
+                policy,
                 evaluations: 5001,
             };
-            let selection = select(&nvs, &problem(&loss));
-            assert!(selection.loss.is_finite());
+            assert!(select(&nvs, &problem(&loss)).loss.is_finite());
         }
         let selection = select(&short_vb_nvs(), &problem(&loss));
         assert!(selection.loss.is_finite());
@@ -93,10 +90,7 @@ fn ties_go_to_the_lexicographically_first_set() {
     for (name, selector) in all_selectors() {
         if ["exhaustive", "vb-nvs"].contains(&name) {
             let picks = select(&*selector, &problem(&loss)).picks;
-            assert!(
-                name != "exhaustive" || picks == [0, 0, 0],
-                "{name}: {picks:?}"
-            );
+            assert!(name != "exhaustive" || picks == [0, 0, 0], "{picks:?}");
             assert_ne!(picks[0], 5);
         }
     }
@@ -105,9 +99,8 @@ fn ties_go_to_the_lexicographically_first_set() {
     let zeros = SetFunction::new(4, 2, zero);
     let exhaustive = sps_viewselect::Exhaustive::default();
     assert_eq!(select(&exhaustive, &problem(&zeros)).picks, [0, 0]);
-    let naive = all_sets(4, 2, false)
-        .into_iter()
-        .min_by(|a, b| f64::total_cmp(&zero(a), &zero(b)));
+    let naive = all_sets(4, 2, false).into_iter();
+    let naive = naive.min_by(|a, b| f64::total_cmp(&zero(a), &zero(b)));
     assert_eq!(naive.expect("16 sets"), [0, 3], "the naive form");
     // Greedy stays where it began: a tie is no reason to go on.
     let flat = SetFunction::new(8, 3, |_: &[usize]| 2.0);
@@ -121,17 +114,13 @@ fn ties_go_to_the_lexicographically_first_set() {
 #[test]
 fn a_loss_that_is_no_number_is_an_error_that_names_the_set() {
     for strange in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e101] {
-        let loss = SetFunction::new(5, 2, |set: &[usize]| {
-            if set == [2, 2] || set == [1, 3] {
-                strange
-            } else {
-                1.0
-            }
-        });
+        let is_strange = |set: &[usize]| set == [2, 2] || set == [1, 3];
+        let of_set = |set: &[usize]| if is_strange(set) { strange } else { 1.0 };
+        let loss = SetFunction::new(5, 2, of_set);
         for (name, selector) in all_selectors() {
             match selector.select(&problem(&loss)) {
                 Err(SelectError::LossOutOfRange { set, loss }) => {
-                    assert!(set == [2, 2] || set == [1, 3], "{name}: {set:?}");
+                    assert!(is_strange(&set), "{name}: {set:?}");
                     assert!(loss.is_nan() || loss == strange);
                 }
                 Err(other) => panic!("{name}: {other}"),
@@ -145,10 +134,8 @@ fn a_loss_that_is_no_number_is_an_error_that_names_the_set() {
     }
     let nan = SetFunction::new(5, 2, |_: &[usize]| f64::NAN);
     let error = Greedy::default().select(&problem(&nan)).expect_err("NaN");
-    assert_eq!(
-        error.to_string(),
-        "the loss of the set [0, 3] is NaN, expected a number within 1e100 of 0"
-    );
+    let expected = "the loss of the set [0, 3] is NaN, expected a number within 1e100 of 0";
+    assert_eq!(error.to_string(), expected);
 }
 
 struct Failing;
@@ -171,10 +158,7 @@ impl SetLoss for Failing {
 fn a_loss_that_fails_ends_the_selection_with_its_reason() {
     for (name, selector) in all_selectors() {
         let error = selector.select(&problem(&Failing)).expect_err(name);
-        assert!(
-            matches!(&error, SelectError::Loss { .. }),
-            "{name}: {error}"
-        );
+        assert!(matches!(error, SelectError::Loss { .. }), "{name}: {error}");
         let source = std::error::Error::source(&error).expect("the loss's own error");
         assert_eq!(source.to_string(), "the lamp is broken");
     }
@@ -183,13 +167,8 @@ fn a_loss_that_fails_ends_the_selection_with_its_reason() {
 #[test]
 fn rare_good_sets_in_a_flat_loss_do_no_harm() {
     // A needle: only luck finds it, but nothing breaks on the way.
-    let loss = SetFunction::new(
-        30,
-        3,
-        |set: &[usize]| {
-            if set == [3, 14, 15] { -1.0 } else { 0.0 }
-        },
-    );
+    let needle = |set: &[usize]| if set == [3, 14, 15] { -1.0 } else { 0.0 };
+    let loss = SetFunction::new(30, 3, needle);
     assert!(select(&short_nvs(), &problem(&loss)).loss.is_finite());
     let vb_nvs = VbNvs {
         evaluations: 2000,

@@ -6,69 +6,48 @@ use sps_viewselect::{
 
 use crate::support::problem;
 
-fn refused(selector: &dyn Selector) -> &'static str {
+/// Holds a selector to refuse a setting.
+fn refuses(setting: &str, selector: &dyn Selector) {
     let loss = SetFunction::new(5, 2, |_: &[usize]| 0.0);
     match selector.select(&problem(&loss)) {
-        Err(SelectError::Setting { field, .. }) => field,
-        other => panic!("{other:?}"),
+        Err(SelectError::Setting { field, .. }) => assert_eq!(field, setting),
+        other => panic!("{setting}: {other:?}"),
     }
 }
 
-fn nvs(change: impl Fn(&mut Nvs)) -> Nvs {
-    let mut nvs = Nvs::default();
-    change(&mut nvs);
-    nvs
-}
-
-fn vb_nvs(change: impl Fn(&mut VbNvs)) -> VbNvs {
-    let mut vb_nvs = VbNvs::default();
-    change(&mut vb_nvs);
-    vb_nvs
+fn changed<S: Default>(change: impl Fn(&mut S)) -> S {
+    let mut selector = S::default();
+    change(&mut selector);
+    selector
 }
 
 #[test]
 fn each_setting_out_of_range_is_named() {
-    assert_eq!(refused(&Random { draws: 0 }), "draws");
-    assert_eq!(refused(&Nadir { view: Some(5) }), "view");
-    assert_eq!(
-        refused(&Greedy {
-            starts: 0,
-            pair_width: 3
-        }),
-        "starts"
-    );
+    let nvs = |setting, change: &dyn Fn(&mut Nvs)| refuses(setting, &changed::<Nvs>(change));
+    let vb_nvs = |setting, change: &dyn Fn(&mut VbNvs)| refuses(setting, &changed::<VbNvs>(change));
+    refuses("draws", &Random { draws: 0 });
+    refuses("view", &Nadir { view: Some(5) });
+    refuses("starts", &changed(|greedy: &mut Greedy| greedy.starts = 0));
     for block in [0, (1 << 24) + 1, usize::MAX] {
-        assert_eq!(refused(&Exhaustive { block, limit: 99 }), "block");
+        refuses("block", &Exhaustive { block, limit: 99 });
     }
-    assert_eq!(refused(&nvs(|nvs| nvs.evaluations = 0)), "evaluations");
-    assert_eq!(refused(&nvs(|nvs| nvs.policy.batch = 0)), "batch");
+    nvs("evaluations", &|nvs| nvs.evaluations = 0);
+    nvs("batch", &|nvs| nvs.policy.batch = 0);
     for strange in [f64::NAN, f64::INFINITY, -1.0] {
-        assert_eq!(
-            refused(&nvs(|nvs| nvs.policy.learning_rate = strange)),
-            "learning-rate"
-        );
-        assert_eq!(
-            refused(&nvs(|nvs| nvs.policy.entropy_weight = strange)),
-            "entropy-weight"
-        );
-        assert_eq!(
-            refused(&vb_nvs(|vb| vb.value.learning_rate = strange)),
-            "learning-rate"
-        );
-        assert_eq!(refused(&vb_nvs(|vb| vb.value.weight = strange)), "weight");
+        nvs("learning-rate", &|nvs| nvs.policy.learning_rate = strange);
+        nvs("entropy-weight", &|nvs| nvs.policy.entropy_weight = strange);
+        vb_nvs("learning-rate", &|vb| vb.value.learning_rate = strange);
+        vb_nvs("weight", &|vb| vb.value.weight = strange);
         let moving = Baseline::MovingMean { decay: strange };
-        assert_eq!(refused(&nvs(|nvs| nvs.policy.baseline = moving)), "decay");
+        nvs("decay", &|nvs| nvs.policy.baseline = moving);
     }
-    assert_eq!(refused(&vb_nvs(|vb| vb.policy.batch = 0)), "batch");
-    assert_eq!(refused(&vb_nvs(|vb| vb.value.hidden = 0)), "hidden");
-    assert_eq!(refused(&vb_nvs(|vb| vb.value.steps = 0)), "steps");
-    assert_eq!(refused(&vb_nvs(|vb| vb.value.batch = 0)), "batch");
-    assert_eq!(refused(&vb_nvs(|vb| vb.search.starts = 1)), "starts");
-    assert_eq!(
-        refused(&vb_nvs(|vb| vb.search.combinations = 0)),
-        "combinations"
-    );
-    assert_eq!(refused(&vb_nvs(|vb| vb.search.shortlist = 0)), "shortlist");
-    assert_eq!(refused(&vb_nvs(|vb| vb.search.rounds = 0)), "rounds");
-    assert_eq!(refused(&vb_nvs(|vb| vb.evaluations = 1000)), "evaluations");
+    vb_nvs("batch", &|vb| vb.policy.batch = 0);
+    vb_nvs("hidden", &|vb| vb.value.hidden = 0);
+    vb_nvs("steps", &|vb| vb.value.steps = 0);
+    vb_nvs("batch", &|vb| vb.value.batch = 0);
+    vb_nvs("starts", &|vb| vb.search.starts = 1);
+    vb_nvs("combinations", &|vb| vb.search.combinations = 0);
+    vb_nvs("shortlist", &|vb| vb.search.shortlist = 0);
+    vb_nvs("rounds", &|vb| vb.search.rounds = 0);
+    vb_nvs("evaluations", &|vb| vb.evaluations = 1000);
 }

@@ -51,9 +51,7 @@ impl Critic {
         for _ in 0..self.settings.steps {
             let drawn = self.draw(losses.len());
             let (known, targets) = (self.sets.as_sets(), &self.targets);
-            let samples = drawn
-                .iter()
-                .map(|&index| (known.get(index), targets[index]));
+            let samples = drawn.iter().map(|&at| (known.get(at), targets[at]));
             self.network.learn(samples, on_policy, share);
         }
     }
@@ -81,10 +79,9 @@ impl Critic {
     /// The gradient of the expected loss, in units of its spread, with respect to z.
     pub(crate) fn error_signal(&self, probabilities: &[f64], views: usize) -> Vec<f64> {
         let gradient = self.network.input_gradient(probabilities);
-        probabilities
-            .chunks_exact(views)
-            .zip(gradient.chunks_exact(views))
-            .flat_map(|(row, gradient)| softmax::backward(row, gradient))
+        let rows = probabilities.chunks_exact(views);
+        let rows = rows.zip(gradient.chunks_exact(views));
+        rows.flat_map(|(row, gradient)| softmax::backward(row, gradient))
             .map(|gradient| self.settings.weight * gradient)
             .collect()
     }

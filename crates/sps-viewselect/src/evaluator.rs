@@ -27,14 +27,12 @@ pub(crate) fn checked_losses(
     let Some(first) = sets.iter().next() else {
         return Ok(());
     };
-    problem
-        .loss()
-        .losses(sets, losses)
-        .map_err(|source| SelectError::Loss {
-            sets: sets.len(),
-            first: first.to_vec(),
-            source,
-        })?;
+    let asked = problem.loss().losses(sets, losses);
+    asked.map_err(|source| SelectError::Loss {
+        sets: sets.len(),
+        first: first.to_vec(),
+        source,
+    })?;
     for (set, loss) in sets.iter().zip(losses) {
         if loss.is_nan() || loss.abs() > LARGEST_LOSS {
             return Err(SelectError::LossOutOfRange {

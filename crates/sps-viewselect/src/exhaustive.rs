@@ -1,5 +1,6 @@
 //! The true optimum.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -9,7 +10,7 @@ use crate::error::{SelectError, require};
 use crate::evaluator::checked_losses;
 use crate::problem::{Problem, Selector};
 use crate::selection::{CurvePoint, Selection};
-use crate::sets::{SetList, is_distinct};
+use crate::sets::SetList;
 use crate::vector::mean;
 
 /// Far beyond what any loss gains from.
@@ -65,17 +66,26 @@ impl Selector for Exhaustive {
             seconds: 0.0,
         };
         for first in (0..blocks).step_by(BLOCKS_AT_ONCE as usize) {
-            let found: Vec<Option<Block>> = (first..(first + BLOCKS_AT_ONCE).min(blocks))
+            let found: Vec<Option<(CurvePoint, Vec<usize>)>> = (first
+                ..(first + BLOCKS_AT_ONCE).min(blocks))
                 .into_par_iter()
                 .map(|block| {
                     let first = block * runs_per_block;
                     best_of_runs(problem, first..(first + runs_per_block).min(runs))
                 })
                 .collect::<Result<_, _>>()?;
-            found
-                .into_iter()
-                .flatten()
-                .for_each(|block| add(&mut selection, block));
+            for (block, picks) in found.into_iter().flatten() {
+                if block.best < selection.loss {
+                    selection.loss = block.best;
+                    selection.picks = picks;
+                }
+                selection.evaluations += block.evaluations;
+                selection.curve.push(CurvePoint {
+                    evaluations: selection.evaluations,
+                    best: selection.loss,
+                    ..block
+                });
+            }
         }
         selection.computed = selection.evaluations;
         selection.seconds = start.elapsed().as_secs_f64();
@@ -100,36 +110,29 @@ impl Exhaustive {
     }
 }
 
-/// What is kept of a block.
-struct Block {
-    sets: u64,
-    mean: f64,
-    loss: f64,
-    picks: Vec<usize>,
-}
-
+/// What is kept of a block of runs: the point of a curve that begins with it, and its best set.
 fn best_of_runs(
     problem: &Problem<'_>,
-    runs: std::ops::Range<u64>,
-) -> Result<Option<Block>, SelectError> {
+    runs: Range<u64>,
+) -> Result<Option<(CurvePoint, Vec<usize>)>, SelectError> {
     let list = sets_of_runs(problem, runs);
     let sets = list.as_sets();
     let mut losses = vec![0.0; sets.len()];
     checked_losses(problem, sets, &mut losses)?;
-    let lowest = sets
-        .iter()
-        .zip(&losses)
-        // The first of equals, as `min_by` has it.
-        .min_by(|(_, loss), (_, lowest)| loss.total_cmp(lowest));
-    Ok(lowest.map(|(set, &loss)| Block {
-        sets: losses.len() as u64,
-        mean: mean(&losses),
-        loss,
-        picks: set.to_vec(),
+    // The first of equals, as `min_by` has it.
+    let lowest = sets.iter().zip(&losses);
+    let lowest = lowest.min_by(|(_, loss), (_, lowest)| loss.total_cmp(lowest));
+    Ok(lowest.map(|(set, &best)| {
+        let block = CurvePoint {
+            evaluations: losses.len() as u64,
+            mean: mean(&losses),
+            best,
+        };
+        (block, set.to_vec())
     }))
 }
 
-fn sets_of_runs(problem: &Problem<'_>, runs: std::ops::Range<u64>) -> SetList {
+fn sets_of_runs(problem: &Problem<'_>, runs: Range<u64>) -> SetList {
     let most = (runs.end - runs.start) as usize * problem.views();
     let mut sets = SetList::with_capacity(problem.picks(), most);
     let mut set = vec![0; problem.picks()];
@@ -143,24 +146,10 @@ fn sets_of_runs(problem: &Problem<'_>, runs: std::ops::Range<u64>) -> SetList {
         }
         for view in 0..problem.views() {
             set[last] = view;
-            if !problem.is_distinct() || is_distinct(&set) {
+            if problem.allows(&set) {
                 sets.push(&set);
             }
         }
     }
     sets
-}
-
-/// Takes the next block, in order.
-fn add(selection: &mut Selection, block: Block) {
-    if block.loss < selection.loss {
-        selection.loss = block.loss;
-        selection.picks = block.picks;
-    }
-    selection.evaluations += block.sets;
-    selection.curve.push(CurvePoint {
-        evaluations: selection.evaluations,
-        mean: block.mean,
-        best: selection.loss,
-    });
 }

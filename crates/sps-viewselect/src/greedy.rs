@@ -79,8 +79,7 @@ struct Optimum {
 }
 
 impl Search<'_, '_> {
-    fn local_optimum(&mut self, start: Vec<usize>) -> Result<Vec<usize>, SelectError> {
-        let mut set = start;
+    fn local_optimum(&mut self, mut set: Vec<usize>) -> Result<Vec<usize>, SelectError> {
         loop {
             let optimum = self.sweep_until_still(set)?;
             let better = self.best_of_pairs(&optimum)?;
@@ -118,18 +117,13 @@ impl Search<'_, '_> {
             self.push(&mut candidates, &candidate);
         }
         let losses = self.evaluator.losses(candidates.as_sets())?;
-        let mut ranked: Vec<(f64, bool, usize)> = candidates
-            .as_sets()
-            .iter()
-            .zip(losses)
-            .map(|(candidate, loss)| (loss, candidate[slot] != set[slot], candidate[slot]))
-            .collect();
-        ranked.sort_by(|a, b| {
-            a.0.total_cmp(&b.0)
-                .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
-        });
+        let views = candidates.as_sets().iter().map(|candidate| candidate[slot]);
+        let mut ranked: Vec<(usize, f64)> = views.zip(losses).collect();
+        let moves = |view: usize| view != set[slot];
+        // Of equals the lower view, as they come.
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1).then(moves(a.0).cmp(&moves(b.0))));
         ranked.truncate(self.pair_width.max(1));
-        Ok(ranked.into_iter().map(|(_, _, view)| view).collect())
+        Ok(ranked.into_iter().map(|(view, _)| view).collect())
     }
 
     /// The best of the optimum and all sets that differ from it in two slots, by one of each
@@ -145,14 +139,11 @@ impl Search<'_, '_> {
             }
         }
         let losses = self.evaluator.losses(candidates.as_sets())?;
-        let best = best_of(candidates.as_sets(), &losses);
         // A tie is no reason to go on.
-        let lowest = losses.iter().copied().fold(f64::INFINITY, f64::min);
-        Ok(if lowest < losses[0] {
-            best
-        } else {
-            optimum.set.clone()
-        })
+        if losses.iter().all(|&loss| loss >= losses[0]) {
+            return Ok(optimum.set.clone());
+        }
+        Ok(best_of(candidates.as_sets(), &losses))
     }
 
     fn push_pairs(&self, candidates: &mut SetList, optimum: &Optimum, first: usize, second: usize) {

@@ -19,30 +19,8 @@ pub type LossError = Box<dyn std::error::Error + Send + Sync>;
 /// Sets that follow one another often agree in all slots but one, and
 /// [`Exhaustive`](crate::Exhaustive) hands them over in lexicographic order, in blocks of whole
 /// runs that share the first M - 1 views. A loss that is a sum of one term per slot and view, and a
-/// small head over it, computes the sum over those once per run.
-///
-/// ```
-/// use sps_viewselect::{LossError, SetLoss, Sets};
-///
-/// /// Squared distance of the mean of the picked readings from a target.
-/// struct Readings(Vec<f64>);
-///
-/// impl SetLoss for Readings {
-///     fn views(&self) -> usize {
-///         self.0.len()
-///     }
-///     fn picks(&self) -> usize {
-///         2
-///     }
-///     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-///         for (set, loss) in sets.iter().zip(losses) {
-///             let mean = set.iter().map(|&view| self.0[view]).sum::<f64>() / set.len() as f64;
-///             *loss = (mean - 0.5).powi(2);
-///         }
-///         Ok(())
-///     }
-/// }
-/// ```
+/// small head over it, computes the sum over those once per run. The [crate's page](crate) has an
+/// example.
 pub trait SetLoss: Sync {
     /// Views that there are, N.
     fn views(&self) -> usize;

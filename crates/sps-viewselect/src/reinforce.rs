@@ -155,10 +155,8 @@ impl Trainer {
             Baseline::LeaveOneOut => {
                 // The mean of the others, less the loss: (sum - loss) / (B - 1) - loss.
                 let scale = losses.len() as f64 / losses.len().saturating_sub(1).max(1) as f64;
-                losses
-                    .iter()
-                    .map(|loss| scale * (batch_mean - loss))
-                    .collect()
+                let advantage = |loss| scale * (batch_mean - loss);
+                losses.iter().map(advantage).collect()
             }
         };
         if self.settings.standardise {

@@ -41,28 +41,6 @@ pub trait SharedLoss: Sync {
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError>;
 }
 
-impl<L: SharedLoss + ?Sized> SharedLoss for &L {
-    fn views(&self) -> usize {
-        (**self).views()
-    }
-
-    fn picks(&self) -> usize {
-        (**self).picks()
-    }
-
-    fn properties(&self) -> usize {
-        (**self).properties()
-    }
-
-    fn ordered(&self) -> bool {
-        (**self).ordered()
-    }
-
-    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        (**self).losses(sets, losses)
-    }
-}
-
 /// One property's loss, drawn towards the mean over all P properties:
 /// `(1 - amount) * own + amount * pooled`.
 ///

@@ -46,10 +46,8 @@ impl Stream {
             let mut sorted = drawn.clone();
             sorted.sort_unstable();
             let rank = self.below(bound - drawn.len());
-            let number = sorted
-                .iter()
-                .fold(rank, |number, &taken| number + usize::from(taken <= number));
-            drawn.push(number);
+            let skip = |number, &taken: &usize| number + usize::from(taken <= number);
+            drawn.push(sorted.iter().fold(rank, skip));
         }
         drawn
     }
@@ -91,10 +89,8 @@ mod tests {
         }
         assert_eq!(counts.len(), 24);
         let expected = draws / 24.0;
-        let chi_square: f64 = counts
-            .values()
-            .map(|count| (count - expected).powi(2) / expected)
-            .sum();
+        let terms = counts.values().map(|count| (count - expected).powi(2));
+        let chi_square = terms.sum::<f64>() / expected;
         assert!(chi_square < 49.7, "{chi_square}");
     }
 }

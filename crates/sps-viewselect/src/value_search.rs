@@ -21,10 +21,8 @@ pub(crate) fn lowest_sets(
         found.push((network.of_set(&optimum), optimum));
     }
     let width = views_per_slot(problem, limits.combinations);
-    let slots: Vec<Vec<usize>> = lowest
-        .iter()
-        .map(|values| best_views(values, width))
-        .collect();
+    let slots = lowest.iter().map(|values| best_views(values, width));
+    let slots: Vec<Vec<usize>> = slots.collect();
     let mut walk = Walk {
         network,
         distinct: problem.is_distinct(),
@@ -36,10 +34,8 @@ pub(crate) fn lowest_sets(
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
     found.dedup_by(|a, b| a.1 == b.1);
     let mut sets = SetList::new(problem.picks());
-    let unknown = found
-        .into_iter()
-        .map(|(_, set)| set)
-        .filter(|set| !is_known(set));
+    let unknown = found.into_iter().map(|(_, set)| set);
+    let unknown = unknown.filter(|set| !is_known(set));
     sets.extend(unknown.take(limits.shortlist));
     sets
 }
@@ -103,11 +99,8 @@ fn best_view(
 /// The largest K with K^M combinations within the limit, from 1 to N.
 fn views_per_slot(problem: &Problem<'_>, combinations: usize) -> usize {
     let picks = u32::try_from(problem.picks()).unwrap_or(u32::MAX);
-    let fits = |width: &usize| {
-        width
-            .checked_pow(picks)
-            .is_some_and(|all| all <= combinations)
-    };
+    let all = |width: usize| width.checked_pow(picks);
+    let fits = |&width: &usize| all(width).is_some_and(|all| all <= combinations);
     (2..=problem.views()).take_while(fits).last().unwrap_or(1)
 }
 

@@ -40,20 +40,18 @@ impl Policy {
     /// `softmax(z_m)` of every slot, joined: shape (picks, views), row-major. The value network's
     /// input.
     pub(crate) fn probabilities(&self) -> Vec<f64> {
-        self.rows()
-            .flat_map(|row| softmax::softmax(row, &[]))
-            .collect()
+        let rows = self.rows();
+        rows.flat_map(|row| softmax::softmax(row, &[])).collect()
     }
 
     /// Gradient, with respect to z, of the sum over the slots of the entropy of `softmax(z_m)` in nats:
     /// shape (picks, views), row-major.
     pub(crate) fn entropy_gradient(&self) -> Vec<f64> {
-        self.rows()
-            .flat_map(|row| {
-                let log_probabilities = softmax::log_softmax(row, &[]);
-                softmax::entropy_gradient(&log_probabilities).collect::<Vec<_>>()
-            })
-            .collect()
+        let mut gradient = Vec::with_capacity(self.logits.len());
+        for row in self.rows() {
+            gradient.extend(softmax::entropy_gradient(&softmax::log_softmax(row, &[])));
+        }
+        gradient
     }
 
     /// `count` sets, drawn from the stream of (seed, step).

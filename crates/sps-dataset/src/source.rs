@@ -171,7 +171,7 @@ pub fn nearest_view(views: &[RollAngle], angle: RollAngle) -> Option<usize> {
 /// the number of threads.
 ///
 /// ```
-/// use sps_dataset::{DatasetFolder, FrameIndex, ReadSettings, SplitPlan, Source, decode_frames};
+/// use sps_dataset::{DatasetFolder, FrameIndex, ReadSettings, Source, SplitPlan, decode_frames};
 ///
 /// # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/tiny-dataset").as_ref();
 /// let dataset = DatasetFolder::open(folder, &ReadSettings::default())?;

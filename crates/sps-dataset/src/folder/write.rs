@@ -14,7 +14,7 @@ use crate::error::Fault;
 use crate::table::read_table;
 use crate::{
     Description, FileError, FrameFormat, Manifest, PropertyOrder, ReadSettings, Source,
-    SourceError, TableFormat, ViewAngles,
+    SourceError, Surface, TableFormat, ViewAngles,
 };
 
 /// Holds what is being written, and is locked while it is.
@@ -69,7 +69,7 @@ pub enum WriteErrorKind {
         surface: String,
         /// The view.
         view: usize,
-        /// What the source says.
+        /// What the source says, or why the frame cannot be encoded.
         error: SourceError,
     },
 }
@@ -94,8 +94,9 @@ impl From<io::Error> for WriteErrorKind {
 ///
 /// # Errors
 /// Where the source fails; where it has no view, or what could not be read again, such as a surface
-/// whose id is no file name or a reading outside of the range of [`Source::describe`]; where the folder
-/// has another dataset, is being written to, or cannot be; and where no space is left.
+/// whose id is no file name, a touch that is listed twice or a reading outside of the range of
+/// [`Source::describe`]; where the folder has another dataset, is being written to, or cannot be;
+/// and where no space is left.
 pub fn write_dataset(
     source: &dyn Source,
     folder: &Path,
@@ -166,6 +167,7 @@ impl Writer<'_> {
             self.unsuitable(refused.to_string())
         };
         let read = read_surfaces(&surfaces).map_err(|fault| refused("surfaces.csv", fault))?;
+        self.check_ids(&read)?;
         let (format, settings) = (&manifest.tactile, ReadSettings::default());
         let table = read_table(&tactile, format, &read, &manifest, &settings);
         table.map_err(|fault| refused("tactile.csv", fault))?;
@@ -174,6 +176,20 @@ impl Writer<'_> {
             ("tactile.csv", tactile),
             ("dataset.toml", text.into_bytes()),
         ])
+    }
+
+    /// A reader trims ids, control characters too, and skips a line without text; the folders of the
+    /// frames have the ids as they are.
+    fn check_ids(&self, read: &[Surface]) -> Result<(), WriteError> {
+        for (at, surface) in self.source.surfaces().iter().enumerate() {
+            if read.get(at).is_none_or(|read| read.id != surface.id) {
+                let found = surface.id.escape_debug();
+                let expected = "a name that neither begins nor ends with white space";
+                let text = format!("a surface's id: found `{found}`, expected {expected}");
+                return Err(self.unsuitable(text));
+            }
+        }
+        Ok(())
     }
 
     fn unsuitable(&self, text: String) -> WriteError {

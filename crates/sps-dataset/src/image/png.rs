@@ -40,8 +40,11 @@ pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameError
             ColorType::Rgb | ColorType::Indexed => 3,
             ColorType::Rgba => 4,
         },
-        // What has fewer bits is expanded to eight.
-        bytes_per_sample: 1 + usize::from(output.bit_depth == BitDepth::Sixteen),
+        bytes_per_sample: match output.bit_depth {
+            BitDepth::Sixteen => 2,
+            // What has fewer bits than eight is expanded to eight.
+            _ => 1,
+        },
         bytes,
     };
     let orientation = Orientation::from_exif(reader.info().exif_metadata.as_deref());

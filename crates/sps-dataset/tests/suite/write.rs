@@ -16,6 +16,7 @@ use tempfile::TempDir;
 /// The tiny dataset, counting the frames asked of it and failing from one of them on.
 struct Counted {
     inner: DatasetFolder,
+    surfaces: Vec<Surface>,
     tactile: TactileTable,
     frames: AtomicUsize,
     fail_from: usize,
@@ -30,6 +31,7 @@ impl Counted {
     fn new(fail_from: usize) -> Self {
         let inner = open(&tiny_path());
         Self {
+            surfaces: inner.surfaces().to_vec(),
             tactile: inner.tactile().clone(),
             inner,
             frames: AtomicUsize::new(0),
@@ -45,7 +47,7 @@ impl Source for Counted {
     }
 
     fn surfaces(&self) -> &[Surface] {
-        self.inner.surfaces()
+        &self.surfaces
     }
 
     fn view_angles(&self) -> &[RollAngle] {
@@ -380,5 +382,18 @@ fn what_could_not_be_read_again_is_not_written() {
     let message = refused.to_string();
     let expected = "of surface `denim-01` is listed twice, first at line 2";
     assert!(message.ends_with(expected), "{message}");
+    for id in ["", "../denim-01", "denim-01\n", " denim-01", "oak-02"] {
+        let mut source = Counted::new(usize::MAX);
+        let surface = &mut source.surfaces[0];
+        surface.id = id.to_owned();
+        // Without text the whole line would be skipped.
+        if id.is_empty() {
+            surface.material.clear();
+            surface.group.clear();
+        }
+        let refused = write_png(&source, folder.path()).unwrap_err();
+        let is_unsuitable = matches!(refused.kind(), WriteErrorKind::Unsuitable(_));
+        assert!(is_unsuitable, "{id:?}: {refused}");
+    }
     assert!(entries(folder.path()).is_empty());
 }

@@ -229,11 +229,12 @@ fn listed(
             "{what}: found those of {found} surfaces, expected {expected}, one for each row of values"
         );
     }
-    let group = |at: usize| Some(format!("group-{}", groups.as_ref()?[at]));
     let mut files = files.into_iter();
     let listed = surfaces.counts.iter().zip(rows).enumerate();
     let listed = listed.map(|(at, (&count, values))| Listed {
-        group: group(at),
+        group: groups
+            .as_ref()
+            .map(|groups| format!("group-{}", groups[at])),
         material: materials.as_ref().map(|materials| materials[at].clone()),
         photographs: files.by_ref().take(count).collect(),
         values,

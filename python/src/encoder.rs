@@ -14,7 +14,7 @@ use sps_models::weights::Weights;
 
 use crate::errors::Raises;
 use crate::images::{self, Image, embed_each, frames, write};
-use crate::settings::{json, python};
+use crate::settings::python;
 
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
@@ -40,7 +40,7 @@ pub(crate) struct Encoder {
 impl Encoder {
     #[new]
     #[pyo3(
-        signature = (name, weights, precision = "f32", depths = None),
+        signature = (name, weights, precision = "f32", depths = Words::Word("all".to_owned())),
         text_signature = "(name, weights, precision='f32', depths='all')"
     )]
     fn new(
@@ -48,12 +48,11 @@ impl Encoder {
         name: &str,
         weights: PathBuf,
         precision: &str,
-        depths: Option<&Bound<'_, PyAny>>,
+        depths: Words,
     ) -> Raises<Self> {
-        let depths = match depths.map(|depths| (depths, depths.extract::<Vec<String>>())) {
-            None => Depths::All,
-            Some((_, Ok(names))) => Depths::Named(names),
-            Some((word, Err(_))) => serde_json::from_value(json(word)?).context("depths")?,
+        let depths = match depths {
+            Words::Word(word) => serde_json::from_value(word.into()).context("depths")?,
+            Words::Names(names) => Depths::Named(names),
         };
         let network = py.detach(|| network(name, &weights, precision, &depths))?;
         Ok(Self { network, weights })
@@ -156,6 +155,13 @@ pub(crate) fn list_encoders(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> 
         Ok(listed)
     });
     listed.collect()
+}
+
+/// Depths as Python gives them; anything else is a TypeError.
+#[derive(FromPyObject)]
+pub(crate) enum Words {
+    Word(String),
+    Names(Vec<String>),
 }
 
 /// What Encoder is called with.

@@ -67,6 +67,9 @@ def test_depths(encoder):
     for wrong in ["first", ["stage-9"], []]:
         with pytest.raises(ValueError, match="depths"):
             sps.Encoder("efficientnet-lite-body", "built-in", depths=wrong)
+    for wrong in [None, 3, [3]]:
+        with pytest.raises(TypeError, match="depths"):
+            sps.Encoder("efficientnet-lite-body", "built-in", depths=wrong)
 
 
 def test_a_file_and_its_pixels_have_the_same_embedding(encoder, tmp_path):

@@ -120,8 +120,8 @@ fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: b
         println!("  {name:<24}{count:>6}");
     }
     print_labels(inspection.surfaces, labels, after_the_paper);
-    let heading = COLUMNS.split(' ').map(str::to_owned);
-    let heading = heading.filter(|column| after_the_paper || column != PUBLISHED);
+    let columns = COLUMNS.iter().map(|&column| column.to_owned());
+    let heading = columns.filter(|column| after_the_paper || column != PUBLISHED);
     let heading = heading.collect();
     let lines = inspection.properties.iter();
     let lines = lines.map(|property| line(property, after_the_paper));
@@ -175,9 +175,11 @@ fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bo
     }
 }
 
-/// Of the table of properties, that of their codes without a heading; the last is of five, the published quantiles.
-const COLUMNS: &str =
-    " measured missing minimum quartile median quartile maximum outside repeat between published";
+/// Of the table of properties; the last is of five, the published quantiles.
+const COLUMNS: [&str; 12] = [
+    "", "measured", "missing", "minimum", "quartile", "median", "quartile", "maximum", "outside",
+    "repeat", "between", PUBLISHED,
+];
 const PUBLISHED: &str = "published";
 
 fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {

@@ -69,8 +69,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 return wanted.write(&model, (&photograph, path), stem);
             }
             let mapped = wanted.of(&model, &photograph)?;
-            let (image, numbers) = (path.as_path(), mapped.numbers(&model));
-            Ok(serde_json::to_string(&Line { image, numbers })?)
+            let line = Line {
+                image: path,
+                numbers: mapped.numbers(&model),
+            };
+            Ok(serde_json::to_string(&line)?)
         });
         match mapped {
             Ok(said) => println!("{said}"),

@@ -66,14 +66,16 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Format::Png => FrameFormat::Png,
         Format::Exr => FrameFormat::Exr,
     };
-    let done = simulate(&spec, format, &args.out)?;
-    let (written, already_there) = (done.written, done.already_there);
-    let dataset = args.out.as_path();
-    let out = dataset.display();
-    info!("{out}: {written} surfaces written, {already_there} were there");
+    let written = simulate(&spec, format, &args.out)?;
+    info!(
+        "{}: {} surfaces written, {} were there",
+        args.out.display(),
+        written.written,
+        written.already_there
+    );
     args.output.json(&Simulated {
-        dataset,
-        written,
-        already_there,
+        dataset: &args.out,
+        written: written.written,
+        already_there: written.already_there,
     })
 }

@@ -169,8 +169,11 @@ fn by_numbers(name: &str) -> String {
     let parts = letters.chunk_by(|one, next| one.is_ascii_digit() == next.is_ascii_digit());
     let padded = parts.map(|part| {
         let text: String = part.iter().collect();
-        let width = if part[0].is_ascii_digit() { 20 } else { 0 };
-        format!("{text:0>width$}")
+        if part[0].is_ascii_digit() {
+            format!("{text:0>20}")
+        } else {
+            text
+        }
     });
     padded.collect()
 }

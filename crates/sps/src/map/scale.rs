@@ -52,9 +52,11 @@ impl Scale {
         let Some((half, intervals)) = self.half_width.zip(self.intervals()) else {
             return colours;
         };
-        let narrow = ": the colours differ by less than that";
-        let is_narrow = self.highest - self.lowest < half;
-        let narrow = if is_narrow { narrow } else { "" };
+        let narrow = if self.highest - self.lowest < half {
+            ": the colours differ by less than that"
+        } else {
+            ""
+        };
         format!("{colours}, intervals {intervals}{narrow}")
     }
 

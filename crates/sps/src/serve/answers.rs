@@ -102,7 +102,7 @@ struct Property<'a> {
 
 impl<'a> Model<'a> {
     fn of(model: &'a Estimator, unfamiliar: f64) -> Self {
-        let (about, fitted, first) = (model.about(), model.fitted(), model.shown(0));
+        let (about, fitted) = (model.about(), model.fitted());
         let properties = fitted.properties().zip(fitted.deviations());
         let properties = properties.map(|(code, deviation)| Property {
             code,
@@ -118,7 +118,9 @@ impl<'a> Model<'a> {
             no_interval: model.no_interval(),
             no_familiar: fitted.no_familiar(),
             unfamiliar,
-            keeps_photographs: first.is_some_and(|shown| !shown.photograph.is_empty()),
+            keeps_photographs: model
+                .shown(0)
+                .is_some_and(|shown| !shown.photograph.is_empty()),
         }
     }
 }

@@ -139,13 +139,17 @@ fn of_form(form: &Bytes, boundary: &str) -> Result<Vec<Photograph>, Failure> {
         .map_err(|problem| Failure::bad(format!("multipart/form-data: found {problem}")))?;
     let photograph = |part: multipart::Part| {
         if part.field != PHOTOGRAPH {
-            let found = format!("multipart/form-data: found the part `{}`", part.field);
-            return Err(Failure::bad(format!("{found}, expected `{PHOTOGRAPH}`")));
+            let message = format!(
+                "multipart/form-data: found the part `{}`, expected `{PHOTOGRAPH}`",
+                part.field
+            );
+            return Err(Failure::bad(message));
         }
         let name = part.file_name.filter(|name| !name.is_empty());
-        let name = name.map_or_else(|| PHOTOGRAPH.into(), PathBuf::from);
-        let content = part.content;
-        Ok(Photograph { name, content })
+        Ok(Photograph {
+            name: name.map_or_else(|| PHOTOGRAPH.into(), PathBuf::from),
+            content: part.content,
+        })
     };
     parts.into_iter().map(photograph).collect()
 }

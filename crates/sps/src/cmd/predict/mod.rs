@@ -162,8 +162,10 @@ fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
         if !path.is_dir() {
             named.push(path.clone());
         } else if group_by == GroupBy::Folder {
-            let (name, images) = (path.display().to_string(), photographs_in(path)?);
-            surfaces.push(Surface { name, images });
+            surfaces.push(Surface {
+                name: path.display().to_string(),
+                images: photographs_in(path)?,
+            });
         } else {
             named.extend(photographs_in(path)?);
         }

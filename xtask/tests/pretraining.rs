@@ -47,7 +47,7 @@ fn ended(mut command: Command, status: i32) -> String {
     said
 }
 
-/// The names in the folder of the runs.
+/// What is in the folder of the runs: a folder of each training, and what a teacher saw.
 fn runs(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join("runs/small"));
     let paths = entries
@@ -123,7 +123,7 @@ fn an_encoder_starts_from_weights_that_fit_it() {
 
     let refused = |settings: String, part: &str| {
         let said = ended(command(&scratch.path().join("refused"), &settings), 1);
-        assert!(said.contains(part), "{said}");
+        assert!(said.contains(part), "{part}: {said}");
     };
     refused(started + "trained-share = 0.0\n", "trained-share");
     refused(format!("{body}trained-share = 0.5\n"), "it needs `start`");
@@ -158,8 +158,8 @@ fn an_encoder_learns_patterns_and_what_a_teacher_sees() {
     let kept = || {
         let mut kept = runs(&scratch.path().join("a"));
         kept.retain(|path| {
-            path.extension()
-                .is_some_and(|ending| ending == "safetensors")
+            let name = path.file_name().unwrap().to_string_lossy();
+            name.starts_with("teacher-")
         });
         assert_eq!(kept.len(), 1, "{kept:?}");
         kept.remove(0)

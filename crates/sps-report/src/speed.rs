@@ -25,7 +25,7 @@ fn answers(results: &Results, speed: &Speed) -> Table {
         Row::measured(vec![
             question.into(),
             found.map_or("none", |method| &method.label).into(),
-            in_milliseconds(found.and_then(|of| of.costs.predict_seconds_per_surface)),
+            in_milliseconds(found.and_then(|method| method.costs.predict_seconds_per_surface)),
             Cell::number(found.and_then(|method| method.means.r2_mean), 3),
             Cell::number(found.and_then(|method| method.means.mae_mean), 2),
         ])

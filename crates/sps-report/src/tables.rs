@@ -243,7 +243,8 @@ fn properties(results: &Results) -> Option<Table> {
     table.about(caption).unless_empty()
 }
 
-/// How the intervals fared that came with estimates: a row for each property and one for all; none where no method was given intervals.
+/// How the intervals fared that came with estimates: a row for each property and one for all; none
+/// where no method was given intervals.
 fn intervals(results: &Results) -> Option<Table> {
     let methods = results.methods.iter();
     let given = methods.filter_map(|method| Some((method, method.intervals.as_ref()?)));

@@ -94,10 +94,14 @@ fn needed(bench: &Bench, ratios: &[&Ratio]) -> Option<String> {
 
 /// A regular expression for the text itself.
 fn escaped(text: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | ',' | '/' | '_');
-    let backslash = |c: char| (!plain(c)).then_some('\\');
-    let letter = |c: char| backslash(c).into_iter().chain([c]);
-    text.chars().flat_map(letter).collect()
+    let mut escaped = String::new();
+    for c in text.chars() {
+        if !(c.is_alphanumeric() || matches!(c, ' ' | ',' | '/' | '_')) {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
 }
 
 fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {

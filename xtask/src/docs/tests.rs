@@ -138,7 +138,7 @@ fn what_cannot_be_written_is_named_and_left() {
         let repository = Repository::with(page);
         keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
         let problems = repository.problems();
-        assert!(problems.contains(expected), "{problems}");
+        assert!(problems.contains(expected), "{expected}: {problems}");
         assert!(write(repository.0.path()).is_err(), "{page}");
     };
     let table = |words: &str, expected: &str| {

@@ -102,15 +102,21 @@ impl World {
             // What a surface does not have has no logarithm.
             rows.push(values.map(|v| Some(v).filter(|v| v.is_finite())).to_vec());
         }
-        let names: Vec<String> = VISIBLE.split(' ').map(str::to_owned).collect();
-        rows.resize(self.len(), vec![None; names.len()]);
-        Ok(Readings::new(names, &rows)?)
+        rows.resize(self.len(), vec![None; VISIBLE.len()]);
+        Ok(Readings::new(VISIBLE.map(str::to_owned).to_vec(), &rows)?)
     }
 }
 
 /// What is seen of each surface.
-const VISIBLE: &str = "log-period log-relief regularity log-microrelief log-microrelief-length \
-    log-roughness sheen";
+const VISIBLE: [&str; 7] = [
+    "log-period",
+    "log-relief",
+    "regularity",
+    "log-microrelief",
+    "log-microrelief-length",
+    "log-roughness",
+    "sheen",
+];
 
 /// One view of each surface from each range of angles, somewhere in it.
 fn frames(pretraining: &Pretraining) -> Vec<FrameIndex> {

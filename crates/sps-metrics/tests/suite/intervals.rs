@@ -1,7 +1,9 @@
 //! Intervals over units and reruns, against closed forms and known distributions.
 
 use proptest::prelude::*;
-use sps_metrics::{IntervalError, Intervals, Level, Metric, ScoreInterval, Scored, Undefined};
+use sps_metrics::{
+    IntervalError, Intervals, Level, Metric, Samples, ScoreInterval, Scored, Undefined,
+};
 
 use crate::support::{assert_close, samples, training_mean, uniform};
 
@@ -113,7 +115,7 @@ proptest! {
             let whole = scored(metric, &truth, &estimate);
             let changes: Option<Vec<f64>> = different.iter().map(|&unit| {
                 let (truth, estimate) = part(Some(unit));
-                let score = metric.score(scored(metric, &truth, &estimate).samples);
+                let score = metric.score(Samples { truth: &truth, estimate: &estimate });
                 Some(score.ok()?.value)
             }).collect();
             let Some(changes) = changes else { continue };

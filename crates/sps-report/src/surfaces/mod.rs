@@ -52,9 +52,14 @@ const GROUPS: [&str; 3] = ["The best", "The median", "The worst"];
 
 /// The surfaces of which a method made the best, the median and the worst estimates; none where it made
 /// none.
-pub(super) fn gallery(folder: &Path, results: &Results, of: &Estimates<'_>) -> Option<Gallery> {
-    let (method, scales) = (of.method, scales(&of.predictions));
-    let ranked = ranked(&results.properties, &of.predictions, &scales);
+pub(super) fn gallery(
+    folder: &Path,
+    results: &Results,
+    estimates: &Estimates<'_>,
+) -> Option<Gallery> {
+    let (method, predictions) = (estimates.method, &estimates.predictions);
+    let scales = scales(predictions);
+    let ranked = ranked(&results.properties, predictions, &scales);
     let picked = picked(ranked.len());
     let chosen = picked.iter().flat_map(|places| &ranked[places.clone()]);
     let chosen: Vec<&Ranked<'_>> = chosen.collect();

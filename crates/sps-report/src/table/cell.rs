@@ -115,7 +115,10 @@ impl Cell {
 
     /// None where it is not clear of 0.
     pub(super) fn side(&self) -> Option<Side> {
-        let is_above = self.value.filter(|_| self.clear)? > 0.0;
+        if !self.clear {
+            return None;
+        }
+        let is_above = self.value? > 0.0;
         Some(if is_above { Side::Above } else { Side::Below })
     }
 }

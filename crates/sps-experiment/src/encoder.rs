@@ -85,9 +85,10 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         let name = path.file_name().unwrap_or(path.as_os_str());
         name.to_string_lossy().into_owned()
     };
-    let pixels = spec.resize.map(|pixels| format!(" of {pixels} pixels"));
-    let resized = pixels.as_ref().map(|pixels| format!(", on frames{pixels}"));
-    let [pixels, resized] = [pixels, resized].map(Option::unwrap_or_default);
+    let (pixels, resized) = match spec.resize.map(|pixels| format!(" of {pixels} pixels")) {
+        Some(pixels) => (pixels.clone(), format!(", on frames{pixels}")),
+        None => (String::new(), String::new()),
+    };
     let (name, frames) = match &spec.network {
         NetworkSpec::Images(kind) => (kind, resized),
         NetworkSpec::Sequences { kind, frames } => {

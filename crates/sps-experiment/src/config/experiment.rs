@@ -35,6 +35,7 @@ pub struct Experiment {
     /// Parts of the training surfaces between which selections are cross-validated; 1: none.
     pub(crate) selection_folds: usize,
     pub(crate) interval_level: Level,
+    /// Indices of the methods that all others are compared with.
     pub(crate) against: Vec<usize>,
     pub(crate) speed: Option<SpeedConfig>,
     pub(crate) train: TrainConfig,
@@ -238,6 +239,8 @@ pub(super) mod tests {
         let above = |keys: &str, parts: &[&str]| refused(&format!("{keys}\n{METHOD}"), parts);
         above("reruns = 0", &["line 1", "at least 1"]);
         above(METHOD.trim_end(), &["line 6", "two methods", "`a`"]);
+        let parts = ["line 1", "`properties.0`", "for example `a-b`"];
+        above("properties = [\"a b\"]", &parts);
         above("[encoder]\nname = \"vgg\"", &["line 2", "vgg"]);
         above("[report]\nlevel = 95.0", &["line 2", "95"]);
         above("[train]\nmethod = \"b\"", &["line 2", "no method `b`"]);

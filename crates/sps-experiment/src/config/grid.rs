@@ -166,8 +166,11 @@ fn is_one_of(one: &Combination<'_>, values: &[(String, Value)]) -> bool {
     let is = |point: &Point, value: &Value| {
         point.value == *value || point.called.is_some() && point.called.as_deref() == value.as_str()
     };
-    let is_chosen = |key: &str, value| one.iter().any(|&(other, p)| other == key && is(p, value));
-    values.iter().all(|(key, value)| is_chosen(key, value))
+    let has = |(key, value): &(String, Value)| {
+        let mut chosen = one.iter();
+        chosen.any(|(other, point)| other == key && is(point, value))
+    };
+    values.iter().all(has)
 }
 
 fn of_combination(
@@ -179,15 +182,10 @@ fn of_combination(
         merge(&mut made, nested(key, point.value.clone()));
     }
     settle_views(&mut made, chosen);
-    let words = |word: &dyn Fn(&str, &Point) -> String| {
-        let words = chosen.iter().map(|&(key, point)| (key, word(key, point)));
-        words.collect()
-    };
-    let ids = words(&|_, point| match &point.called {
-        Some(called) => called.clone(),
-        None => id_word(&point.value),
-    });
-    let labels = words(&|key, point| label_word(&made, key, point));
+    let chosen = chosen.iter();
+    let ids = chosen.clone().map(|&(key, point)| (key, id_of(point)));
+    let labels = chosen.map(|&(key, point)| (key, label_word(&made, key, point)));
+    let (ids, labels) = (ids.collect(), labels.collect());
     let mut set = |title: &'static str, between, words: Vec<(&str, String)>| {
         let given = made.get(title).and_then(Value::as_str).unwrap_or_default();
         let text = titled(given, between, &words).map_err(|problem| (title, problem))?;
@@ -197,6 +195,11 @@ fn of_combination(
     set("id", "-", ids)?;
     set("label", ", ", labels)?;
     Ok(made)
+}
+
+fn id_of(point: &Point) -> String {
+    let called = point.called.clone();
+    called.unwrap_or_else(|| id_word(&point.value))
 }
 
 /// A table with nothing but this value at its dotted key.
@@ -270,12 +273,14 @@ mod tests {
         let text = "[[sweep]]\nid = \"{head}-{views}-net\"\nlabel = \"{head}, {views}\"\n\
             kind = \"head\"\n[sweep.grid]\nviews = [2]\n\
             head = [{ as = \"slow\", epochs = 90 }, { epochs = 3, adam.weight-decay = 0.5 }]\n";
-        let second = "epochs-3-weight-decay-0.5-2-net";
         assert_eq!(
             titles(text),
             [
                 ["slow-2-net", "epochs 90, 2 views"],
-                [second, "epochs 3, weight-decay 0.5, 2 views"],
+                [
+                    "epochs-3-weight-decay-0.5-2-net",
+                    "epochs 3, weight-decay 0.5, 2 views"
+                ],
             ]
         );
     }
@@ -288,8 +293,10 @@ mod tests {
             except = [{ encoder.resize = 64, views = 3 }]\n";
         let ids: Vec<String> = titles(text).into_iter().map(|[id, _]| id).collect();
         assert_eq!(
-            ids.join(" "),
-            "a-64-1 a-128-1 a-128-3 b-64-1 b-128-1 b-128-3"
+            ids,
+            [
+                "a-64-1", "a-128-1", "a-128-3", "b-64-1", "b-128-1", "b-128-3"
+            ]
         );
     }
 

@@ -44,9 +44,11 @@ pub(super) fn titled(
     words: &[(&str, String)],
 ) -> Result<String, String> {
     if !given.contains('{') {
-        let words = words.iter().map(|(_, word)| &word[..]);
-        let all = [given].into_iter().filter(|given| !given.is_empty());
-        return Ok(all.chain(words).collect::<Vec<_>>().join(between));
+        let mut all: Vec<&str> = words.iter().map(|(_, word)| &word[..]).collect();
+        if !given.is_empty() {
+            all.insert(0, given);
+        }
+        return Ok(all.join(between));
     }
     let mut title = String::new();
     let mut rest = given;

@@ -332,13 +332,14 @@ mod tests {
                 "[[sweep]]\nid = \"s\"\nkind = \"head\"\n{keys}\
                  grid = {{ views = [1, 3, \"all\"] }}\n"
             );
+            // The floors come after those of the sweep.
             let methods = read(&text).unwrap().methods.into_iter().take(3);
             let all: Vec<_> = methods.map(|method| (method.id, method.looks)).collect();
             all
         };
-        let looks = [("s-1", Looks::Nadir), ("s-3", named), ("s-all", Looks::All)];
+        let expected = [("s-1", Looks::Nadir), ("s-3", named), ("s-all", Looks::All)];
         let plain = swept("");
-        assert_eq!(plain, looks.map(|(id, looks)| (id.to_owned(), looks)));
+        assert_eq!(plain, expected.map(|(id, looks)| (id.to_owned(), looks)));
         let chosen = swept("selector = { kind = \"greedy\" }\ndistinct = true\nrefit = {}\n");
         assert_eq!((&chosen[0], &chosen[2]), (&plain[0], &plain[2]));
         assert!(matches!(&chosen[1].1, Looks::Selected(greedy) if greedy.selector.learns()));

@@ -1,4 +1,5 @@
-//! The rows of the report.
+//! The rows of the report: the methods that a config lists, those of its sweeps, and the floors under all
+//! others.
 
 use sps_base::names::UnknownName;
 use sps_estimator::Regression;

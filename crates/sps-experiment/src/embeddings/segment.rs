@@ -66,15 +66,17 @@ impl Segment {
         let values = tensors.tensor(EMBEDDINGS).with_context(failed)?;
         ensure_whole(path, &metadata, CHECKSUM, &[keys.data(), values.data()])?;
         let rows = keys.shape().first().copied().unwrap_or_default();
-        let found = [&keys, &values].map(|tensor| (tensor.dtype(), tensor.shape()));
-        let expected = [
-            (Dtype::U8, &[rows, KEY_BYTES][..]),
-            (Dtype::F32, &[rows, width][..]),
-        ];
+        let of_keys = (keys.dtype(), keys.shape()) == (Dtype::U8, &[rows, KEY_BYTES]);
+        let of_values = (values.dtype(), values.shape()) == (Dtype::F32, &[rows, width]);
         ensure!(
-            found == expected,
-            "{}: found `keys` and `embeddings` {found:?}, expected {expected:?}",
-            path.display()
+            of_keys && of_values,
+            "{}: found `keys` {:?} {:?} and `embeddings` {:?} {:?}, expected U8 [{rows}, {KEY_BYTES}] and F32 \
+             [{rows}, {width}]",
+            path.display(),
+            keys.dtype(),
+            keys.shape(),
+            values.dtype(),
+            values.shape()
         );
         let values = values.data().chunks_exact(4);
         let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

@@ -93,8 +93,8 @@ fn gain(
 type Pair<'a> = [Judged<'a>; 2];
 
 fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
-    let scores = |side: usize| {
-        let scores = pairs.iter().map(|pair| pair[side].score(Kind::R2));
+    let scores = |at: usize| {
+        let scores = pairs.iter().map(|pair| pair[at].score(Kind::R2));
         let scores = scores.map(|score| score.map(|score| score.value));
         over_reruns(scores).mean.ok()
     };
@@ -102,9 +102,9 @@ fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
 }
 
 fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {
-    let side = |side: usize| {
+    let side = |at: usize| {
         let pairs = pairs.iter();
-        let scored = pairs.map(|pair| pair[side].scored(Reference::Training));
+        let scored = pairs.map(|pair| pair[at].scored(Reference::Training));
         scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()
     };
     scoring.intervals.difference(&side(0)?, &side(1)?)

@@ -35,6 +35,7 @@ impl Folds<'_> {
         };
         let trials: Vec<Trial> = wanted.flat_map(of_wanted).collect();
         let observer = TrainingProgress(Progress::new("estimators for random views", trials.len()));
+        // Each rerun has as many parts as there are folds, so that they are numbered as in `trial`.
         let parts = (0..self.splits.all.len()).map(|rerun| self.parts(rerun));
         let parts = parts.collect::<Result<Vec<_>>>()?.concat();
         let plan = plan(self.experiment.seed, &parts, trials.into_iter());

@@ -232,8 +232,12 @@ fn in_hindsight(
         let training: Vec<f64> = split.train.iter().filter_map(reading).collect();
         let estimated = held_out.iter().zip(&estimates.values);
         let read = estimated.filter_map(|(surface, estimate)| Some((reading(surface)?, *estimate)));
-        let (truth, estimate): &(Vec<f64>, Vec<f64>) = &read.unzip();
-        let r2 = Samples { truth, estimate }.r2(TrainingMean::of(&training)?);
+        let (truth, estimate): (Vec<f64>, Vec<f64>) = read.unzip();
+        let samples = Samples {
+            truth: &truth,
+            estimate: &estimate,
+        };
+        let r2 = samples.r2(TrainingMean::of(&training)?);
         // Readings that do not differ from the mean say nothing of the set.
         Ok(r2.map_or(0.0, |r2| 1.0 - r2.value))
     });

@@ -137,18 +137,24 @@ impl Folds<'_> {
         let asking = missing.iter().copied();
         let asking: Vec<&Wanted<'_>> = asking.filter(|wanted| wanted.asks_frozen()).collect();
         let begun = Instant::now();
-        let head = family.frozen.filter(|_| !asking.is_empty());
-        let trials = asking.chunk_by(same_trial).map(|chunk| chunk[0].trial());
-        let estimators = head.map(|head| self.train(head, trials)).transpose()?;
+        let estimators = match family.frozen {
+            Some(head) if !asking.is_empty() => {
+                let trials = asking.chunk_by(same_trial).map(|chunk| chunk[0].trial());
+                Some(self.train(head, trials)?)
+            }
+            _ => None,
+        };
         let training = begun.elapsed().as_secs_f64() / asking.len().max(1) as f64;
         let mut refits = Refits::new(self.encodings, self.splits, self.experiment.seed);
         let progress = Progress::new("views selected", missing.len());
         for chunk in missing.chunk_by(same_trial) {
             let trial @ (property, rerun) = chunk[0].trial();
-            let asked = chunk.iter().any(|wanted| wanted.asks_frozen());
-            let estimators = estimators.as_ref().filter(|_| asked);
-            let loss = estimators.map(|some| self.loss(some, property, rerun));
-            let loss = loss.transpose()?;
+            let loss = match &estimators {
+                Some(estimators) if chunk.iter().any(|wanted| wanted.asks_frozen()) => {
+                    Some(self.loss(estimators, property, rerun)?)
+                }
+                _ => None,
+            };
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
                 let begun = Instant::now();

@@ -72,11 +72,11 @@ impl<'a> Stages<'a> {
         if let Some(shared) = &self.shared {
             return Ok(vec![Encodings::new(Arc::clone(shared), 0..splits.len())]);
         }
-        let of = |&split: &usize| {
+        let own = |&split: &usize| {
             let stage = self.of(&splits[split].train)?;
             Ok(Encodings::new(Arc::new(stage), split..split + 1))
         };
-        some.iter().map(of).collect()
+        some.iter().map(own).collect()
     }
 
     /// What methods are fitted on whose training surfaces are `training`.

@@ -170,8 +170,12 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<TrainedEncoder>> {
 fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
     let (targets, parts, seed) = (task.targets, task.parts, task.seed);
     let config = task.config.clone();
-    let stored = goes_on.then(|| checksums::read(state)).transpose()?;
-    let Some(bytes) = stored.flatten() else {
+    let bytes = if goes_on {
+        checksums::read(state)?
+    } else {
+        None
+    };
+    let Some(bytes) = bytes else {
         return Ok(Trainer::new(task.start, targets, parts, config, seed)?);
     };
     let path = state.display().to_string();

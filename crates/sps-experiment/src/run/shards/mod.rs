@@ -78,6 +78,7 @@ pub fn run(experiment: &Experiment, shard: Shard, folder: &Path, fresh: bool) ->
     let dealt = prepared.dealt(experiment.work)?;
     prepared.with_encoders(&dealt, |encoded| {
         encoded.fitted(&mut journals)?;
+        // All that comes of it stands in the journals.
         Ok(Vec::<()>::new())
     })?;
     manifest.ended = true;

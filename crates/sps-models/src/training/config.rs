@@ -43,6 +43,10 @@ pub struct TrainingConfig {
     pub validation: f64,
     /// Epochs without a better one after which training ends; 0: it never ends early.
     pub patience: usize,
+    /// How much it counts, beside the objective, that the encoder still sees what it saw before it was
+    /// trained ([`Targets::start`](super::Targets::start)): its error, standardised, by a linear layer of
+    /// its own. 0: nothing.
+    pub distillation: f64,
     /// How images are varied.
     pub augmentation: Augmentation,
 }
@@ -172,6 +176,7 @@ impl Default for TrainingConfig {
             precision: Precision::F32,
             validation: 0.1,
             patience: 0,
+            distillation: 0.0,
             augmentation: Augmentation::default(),
         }
     }
@@ -221,12 +226,16 @@ impl TrainingConfig {
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
+        let weight = self.distillation;
+        let sensible = weight.is_finite() && weight >= 0.0;
+        require(sensible, "distillation", weight, "0 or more")?;
         self.augmentation.check()
     }
 
     /// Whether targets must hold what the encoder sees before it is trained.
     pub fn needs_start(&self) -> bool {
-        matches!(self.objective, TrainingObjective::Heads { .. })
+        let heads = matches!(self.objective, TrainingObjective::Heads { .. });
+        heads || self.distillation > 0.0
     }
 
     /// The learning rate of step `step` of `steps`.
@@ -330,6 +339,7 @@ mod tests {
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");
         refused(|c| c.precision = Precision::Int8, "precision");
         refused(|c| (c.patience, c.validation) = (3, 0.0), "patience");
+        refused(|c| c.distillation = -1.0, "distillation");
         refused(|c| c.augmentation.crop = 0.0, "augmentation.crop");
         refused(|c| c.augmentation.contrast = 1.0, "augmentation.contrast");
     }

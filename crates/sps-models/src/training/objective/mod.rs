@@ -7,7 +7,7 @@ mod tests;
 use std::ops::Range;
 
 use candle_core::backprop::GradStore;
-use candle_core::{Tensor, Var};
+use candle_core::{Device, Tensor, Var};
 use serde::{Deserialize, Serialize};
 use sps_regress::{TrainingData, places};
 
@@ -132,7 +132,7 @@ impl Objective {
             let what = "what the encoder sees at the start";
             require(found == expected, what, seen(found), seen(expected))?;
         }
-        let features = targets.features.clone();
+        let taught = taught_by(&targets, config.distillation)?;
         let base = match &config.objective {
             TrainingObjective::Linear {} => {
                 let values = (targets.values, targets.classes);
@@ -152,7 +152,7 @@ impl Objective {
                 }
             }
         };
-        let features = features.map(|features| {
+        let features = taught.map(|features| {
             Ok::<_, Error>(Taught {
                 features: features.standardised(&images)?,
                 weight: features.weight,
@@ -286,6 +286,25 @@ fn tables(targets: &Targets) -> Result<TrainingData<'_>> {
         Some(materials) => data.with_materials(materials),
         None => data,
     })
+}
+
+/// What is learnt by features: a teacher's, or what the encoder itself saw at the start.
+fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
+    if distillation == 0.0 {
+        return Ok(targets.features.clone());
+    }
+    let Some(start) = &targets.start else {
+        let expected = "what the encoder sees at the start, for distillation";
+        return Err(Error::input("targets", "none", expected));
+    };
+    let (alone, found) = (targets.features.is_none(), "features of another encoder");
+    require(alone, "targets", found, "none beside distillation")?;
+    let shape = (start.surfaces() * start.views(), start.width());
+    Ok(Some(Features {
+        embeddings: Tensor::from_slice(start.values(), shape, &Device::Cpu)?,
+        blocks: Vec::new(),
+        weight: distillation,
+    }))
 }
 
 /// What each of a teacher's blocks is learnt from, and by.

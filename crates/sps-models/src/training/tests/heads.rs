@@ -148,8 +148,9 @@ fn losses_and_gradients_are_pytorchs() {
         let mut trainer = golden.trainer();
         let batch = shown(&golden, SURFACES * golden.views);
         let embeddings = trainer.encoder.forward(&batch).unwrap();
-        let surfaces = Share::whole(&[0, 1, 2, 3]);
-        let loss = trainer.objective.loss(&embeddings, surfaces, 0);
+        let surfaces: Vec<usize> = (0..SURFACES).collect();
+        let share = Share::whole(&surfaces);
+        let loss = trainer.objective.loss(&embeddings, share, 0);
         let (loss, losses) = loss.unwrap();
         let found = error(&losses, &expected.losses[0]);
         assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
@@ -353,16 +354,18 @@ mod hard_cases {
             refused(targets, Input::LateFusion { views: 2 }, expected);
         };
         refused(&|t| t.start = None, "what the encoder sees at the start");
-        let (of_image, count) = (vec![0; 24], 1);
-        let classes = Some(Classes { of_image, count });
+        let classes = Classes {
+            of_image: vec![0; 24],
+            count: 1,
+        };
         let expected = "heads form their labels themselves";
-        refused(&|t| t.classes.clone_from(&classes), expected);
+        refused(&|t| t.classes = Some(classes.clone()), expected);
         refused(&|t| t.materials = None, "materials");
         refused(&|t| drop(t.materials.as_mut().unwrap().pop()), "23");
         let wide = Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap();
         refused(&|t| t.start = Some(wide.clone()), "width 7");
-        let odd = Some(features(golden::input("odd", &[47, 5]), 1.0));
-        refused(&|t| t.features.clone_from(&odd), "a multiple of 2");
+        let odd = features(golden::input("odd", &[47, 5]), 1.0);
+        refused(&|t| t.features = Some(odd.clone()), "a multiple of 2");
         let unread = Readings::new(vec!["brightness".into()], &vec![vec![None]; 24]).unwrap();
         let expected = "at least one that a training surface";
         refused(&|t| t.values = Some(unread.clone()), expected);
@@ -415,20 +418,56 @@ mod hard_cases {
         let all = golden::uniform("taught", 48 * 5);
         let mut sum = 0.0;
         for (column, bias) in bias.iter().enumerate() {
-            let of = |image: usize| all[image * 5 + column];
-            let mean = (0..32).map(of).sum::<f64>() / 32.0;
-            let square = (0..32).map(|image| (of(image) - mean).powi(2)).sum::<f64>() / 32.0;
-            let taught = [6, 7].map(|image| (of(image) - mean) / square.sqrt());
+            let feature = |image: usize| all[image * 5 + column];
+            let mean = (0..32).map(feature).sum::<f64>() / 32.0;
+            let squares = (0..32).map(|image| (feature(image) - mean).powi(2));
+            let deviation = (squares.sum::<f64>() / 32.0).sqrt();
+            let taught = [6, 7].map(|image| (feature(image) - mean) / deviation);
             sum += taught.iter().map(|t| (bias - t).powi(2)).sum::<f64>();
         }
         let expected = 2.0 * sum / 10.0;
         assert!((losses.features / expected - 1.0).abs() < 1e-5);
     }
 
+    /// Distillation is the loss of a teacher whose features are what the encoder saw at the start, under
+    /// either objective; beside a teacher, or without what it saw, it is refused.
     #[test]
-    fn linear_layers_look_at_one_image() {
+    fn distillation_is_a_teacher_that_is_the_encoder_itself() {
         let pairs = Pairs::new(24);
-        let trainer = Trainer::new(&start(), pairs.targets(), pairs.0.parts(), config(), 5);
-        golden::refused(trainer, "expected 1 views");
+        let heads = || through_heads(Input::LateFusion { views: 2 }, model());
+        let start = pairs.targets().start.unwrap();
+        let shape = (48, start.width());
+        let embeddings = Tensor::from_slice(start.values(), shape, &Device::Cpu).unwrap();
+        let trainer = |targets: Targets, config: TrainingConfig| {
+            Trainer::new(&super::start(), targets, pairs.0.parts(), config, 5)
+        };
+        let taught = Targets {
+            features: Some(features(embeddings, 3.0)),
+            ..pairs.targets()
+        };
+        let itself = TrainingConfig {
+            distillation: 3.0,
+            ..heads()
+        };
+        let seen = golden::input("seen", &[4, start.width()]);
+        let loss = |trainer: Trainer| {
+            let loss = trainer.objective.loss(&seen, Share::whole(&[3, 7]), 0);
+            loss.unwrap().1
+        };
+        let expected = loss(trainer(taught.clone(), heads()).unwrap());
+        let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());
+        assert!(found.features > 0.0);
+        assert_eq!(found, expected);
+
+        golden::refused(trainer(taught, itself), "none beside distillation");
+        let linear = || TrainingConfig {
+            distillation: 3.0,
+            ..config()
+        };
+        let without = trainer(pairs.0.targets(), linear());
+        golden::refused(without, "for distillation");
+        // Linear layers look at one image.
+        let of_two = trainer(pairs.targets(), linear());
+        golden::refused(of_two, "expected 1 views");
     }
 }

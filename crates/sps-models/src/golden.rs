@@ -111,7 +111,10 @@ pub(crate) fn cross_modal() -> Model {
 /// There is no outcome, for a reason with `expected` in it.
 #[track_caller]
 pub(crate) fn refused<T>(outcome: Result<T, impl Display>, expected: &str) {
-    let message = outcome.err().map(|error| error.to_string()).unwrap();
+    let Err(error) = outcome else {
+        panic!("not refused, expected {expected:?}");
+    };
+    let message = error.to_string();
     assert!(message.contains(expected), "{message}");
 }
 

@@ -225,9 +225,8 @@ impl Encoder {
         });
         let batches = batches.collect::<Result<Vec<_>, _>>()?;
         let scales = calibrate(&network, &self.weights, &batches, Level::detect())?;
-        let rows: Vec<f32> = scales.iter().flat_map(|s| [s.step, s.zero]).collect();
-        let rows = Tensor::from_vec(rows, (scales.len(), 2), &Device::Cpu)?;
-        self.weights.replace(scales::TENSOR, rows);
+        let scales = scales::tensor(&scales)?;
+        self.weights.replace(scales::TENSOR, scales);
         let precision = self.precision;
         self.with_precision(precision)
     }

@@ -1,5 +1,6 @@
 //! The scales of feature maps in int8 as a tensor of weights.
 
+use candle_core::{Device, Tensor};
 use sps_kernels::inference::Scale;
 use sps_kernels::network::Network;
 
@@ -18,4 +19,10 @@ pub(super) fn read(network: &Network, weights: &Weights) -> Result<Option<Vec<Sc
     };
     let values: Vec<f32> = tensor.flatten_all()?.to_vec1()?;
     Ok(Some(Scale::of_tensor(network, tensor.dims(), &values)?))
+}
+
+/// The scales as a tensor of weights.
+pub(super) fn tensor(scales: &[Scale]) -> Result<Tensor> {
+    let rows: Vec<f32> = scales.iter().flat_map(|s| [s.step, s.zero]).collect();
+    Ok(Tensor::from_vec(rows, (scales.len(), 2), &Device::Cpu)?)
 }

@@ -40,10 +40,15 @@ impl InputStatistics {
             // Each block is scaled by itself.
             let common = spread.common(place.clone());
             let spread = &spread;
-            place.map(move |feature| match scale {
-                _ if common == 0.0 => 0.0,
-                Scale::PerFeature => (1.0 / spread.deviation(feature).max(0.1 * common)) as f32,
-                Scale::Common | Scale::None => (1.0 / common) as f32,
+            place.map(move |feature| {
+                if common == 0.0 {
+                    return 0.0;
+                }
+                let scale = match scale {
+                    Scale::PerFeature => spread.deviation(feature).max(0.1 * common),
+                    Scale::Common | Scale::None => common,
+                };
+                (1.0 / scale) as f32
             })
         });
         Self {

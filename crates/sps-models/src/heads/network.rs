@@ -220,9 +220,10 @@ impl CrossModalNetwork {
         Ok(Self {
             visual: Vision::new(fill, input, dims, latent)?,
             generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
-            tactile: match model.embedding_weight {
-                0.0 => None,
-                _ => Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?),
+            tactile: if model.embedding_weight > 0.0 {
+                Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
+            } else {
+                None
             },
             discriminator: match &model.adversarial {
                 Some(game) => Some(Discriminator::new(fill, dims.width, game.hidden)?),

@@ -38,7 +38,6 @@ pub(super) fn train_stack(
     let mut sides = Side::of(config, &stack.parameters, jobs.len())?;
     let mut batches = Batches::new(config, data, seed, jobs);
     let validation = Validation::new(config, data, seed, jobs);
-    let patience = config.early_stopping.map_or(0, |stop| stop.patience);
     let mut courses = Course::start(jobs, validation.as_ref());
     for epoch in 0..config.epochs {
         if observer.stops() {
@@ -51,7 +50,7 @@ pub(super) fn train_stack(
         if let Some(validation) = &validation {
             let errors = validation.errors(network)?;
             for (at, (course, error)) in courses.iter_mut().zip(errors).enumerate() {
-                course.validate(patience, error, || stack.of_trial(at))?;
+                course.validate(validation.patience(), error, || stack.of_trial(at))?;
             }
         }
         if courses.iter().all(Course::has_ended) {

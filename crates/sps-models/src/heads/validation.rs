@@ -4,7 +4,7 @@ use candle_core::{Device, Tensor};
 use sps_base::streams::named_stream;
 use sps_regress::{TrainingData, Views};
 
-use super::config::HeadConfig;
+use super::config::{EarlyStopping, HeadConfig};
 use super::job::Job;
 use super::network::Network;
 use crate::error::Result;
@@ -15,6 +15,7 @@ const ROWS: usize = 32;
 /// The validation parts of a stack's trials.
 pub(super) struct Validation<'a> {
     config: &'a HeadConfig,
+    early_stopping: EarlyStopping,
     data: &'a TrainingData<'a>,
     jobs: &'a [&'a Job<'a>],
     /// By trial and surface, where the trial's views are random: the same in every epoch, so that
@@ -30,7 +31,7 @@ impl<'a> Validation<'a> {
         seed: u64,
         jobs: &'a [&'a Job<'a>],
     ) -> Option<Self> {
-        config.early_stopping?;
+        let early_stopping = config.early_stopping?;
         let drawn = jobs.iter().map(|job| {
             if job.trial.views != Views::Random {
                 return Vec::new();
@@ -43,10 +44,15 @@ impl<'a> Validation<'a> {
         });
         Some(Self {
             config,
+            early_stopping,
             data,
             jobs,
             drawn: drawn.collect(),
         })
+    }
+
+    pub(super) fn patience(&self) -> usize {
+        self.early_stopping.patience
     }
 
     /// The `L_est` of the training mean, which is zero in standardised units, by trial.

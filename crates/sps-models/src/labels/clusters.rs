@@ -64,7 +64,7 @@ pub(super) fn visual(
     let rows = features.balanced().table();
     let mut table = Pca::fit(rows.view(), components)?.transform(rows.view());
     for mut column in table.columns_mut() {
-        // A constant column becomes zero.
+        // To zero mean and unit variance; a constant column becomes zero.
         if let Some(standard) = Standardiser::of(column.iter().copied()) {
             column.mapv_inplace(|value| standard.standardise(value));
         }

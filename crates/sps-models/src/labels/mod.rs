@@ -39,7 +39,7 @@ pub enum LabelSource {
     /// k-means on the tactile values (Yuan et al. 2017).
     TactileCluster {
         /// How many clusters; fewer when there are fewer distinct surfaces.
-        #[serde(default = "default_count")]
+        #[serde(default = "default_clusters")]
         clusters: usize,
         /// Each property to zero mean and unit variance first. On by default: left as measured,
         /// the properties with the widest range decide alone.
@@ -49,10 +49,10 @@ pub enum LabelSource {
     /// k-means on visual features, reduced by PCA and standardised, beside the tactile values.
     VisuoTactileCluster {
         /// How many clusters; fewer when there are fewer distinct surfaces.
-        #[serde(default = "default_count")]
+        #[serde(default = "default_clusters")]
         clusters: usize,
         /// Principal components of the visual features; fewer when there are fewer.
-        #[serde(default = "default_count")]
+        #[serde(default = "default_components")]
         components: usize,
         /// Each property to zero mean and unit variance first. On by default: values from 0 to
         /// 100 beside features of unit variance would decide alone, and the labels would be those
@@ -62,8 +62,11 @@ pub enum LabelSource {
     },
 }
 
-/// Of clusters and of components.
-fn default_count() -> usize {
+fn default_clusters() -> usize {
+    15
+}
+
+fn default_components() -> usize {
     15
 }
 

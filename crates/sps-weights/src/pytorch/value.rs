@@ -323,9 +323,12 @@ impl View {
 
 /// A name, which is copied wherever it is used.
 fn short(name: &str) -> Result<&str, String> {
-    let len = name.len();
-    let long = || format!("a name of {len} bytes, expected at most {LONGEST_NAME}");
-    (len <= LONGEST_NAME).then_some(name).ok_or_else(long)
+    match name.len() {
+        ..=LONGEST_NAME => Ok(name),
+        len => Err(format!(
+            "a name of {len} bytes, expected at most {LONGEST_NAME}"
+        )),
+    }
 }
 
 /// A count, an extent or an offset.

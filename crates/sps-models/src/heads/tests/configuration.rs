@@ -38,11 +38,11 @@ fn a_configuration_reads_and_writes_as_toml() {
     assert_eq!(config.epochs, 30);
     assert_eq!(config.input, Input::LateFusion { views: 3 });
     assert_eq!(config.adam.weight_decay, 0.1);
-    let early_stopping = config.early_stopping.unwrap();
-    assert_eq!(
-        (early_stopping.patience, early_stopping.validation),
-        (5, 0.15)
-    );
+    let expected = EarlyStopping {
+        patience: 5,
+        validation: 0.15,
+    };
+    assert_eq!(config.early_stopping, Some(expected));
     let again = toml::to_string(&config).unwrap();
     assert_eq!(toml::from_str::<HeadConfig>(&again).unwrap(), config);
     let regression = "model = { kind = \"regression\" }";

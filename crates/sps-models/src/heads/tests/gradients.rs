@@ -87,7 +87,7 @@ fn losses_and_gradients_are_pytorchs() {
 #[test]
 fn every_parameter_of_every_model_receives_a_gradient_and_moves() {
     let set = Set::new(30, 3, 8, 1);
-    let mut configs = [(); 5].map(|()| full());
+    let mut configs = vec![full(), full(), full(), full(), full()];
     configs[0].model = Model::Regression {};
     cross_modal(&mut configs[1]).adversarial = None;
     cross_modal(&mut configs[2]).classification = None;

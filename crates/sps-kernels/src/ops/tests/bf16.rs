@@ -44,7 +44,8 @@ fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
 #[test]
 fn gradients_of_convolutions() {
     for case in cases::<Bf16Pair>() {
-        let (shape, case) = (case.shape, Case { frames: 2, ..case });
+        let case = Case { frames: 2, ..case };
+        let Case { shape, size, .. } = case;
         let weights = narrow(&rounded(&noise(case.weights(), 1)));
         let [of_weights, input] = gradients(Level::detect(), &case, &weights, map::<f32>);
         let products = 2 * pixels(case.size);
@@ -53,13 +54,19 @@ fn gradients_of_convolutions() {
             for (found, expected) in found[0].iter().zip(&of_weights) {
                 let error = (found - expected).abs();
                 let bound = 1e-6 * products as f64;
-                assert!(error <= bound, "{level:?} {shape:?} weights: {error}");
+                assert!(
+                    error <= bound,
+                    "{level:?} {shape:?} {size:?} weights: {error}"
+                );
             }
             let slack = 1e-6 * (shape.group_outputs() * pixels(shape.window.size)) as f64;
             for (found, expected) in found[1].iter().zip(&input) {
                 let error = (found - expected).abs();
                 let bound = ROUNDING * expected.abs() + slack;
-                assert!(error <= bound, "{level:?} {shape:?} input: {error}");
+                assert!(
+                    error <= bound,
+                    "{level:?} {shape:?} {size:?} input: {error}"
+                );
             }
         });
     }

@@ -43,7 +43,7 @@ fn check(case: &Case, seed: u64) {
                 let y = (sums[i] as f32).mul_add(factors[channel], shifts[channel]);
                 let y = accumulate.map_or(y, |factor| (before[i] as f32).mul_add(factor, y));
                 let expected = y.clamp(limits[0], limits[1]).round_ties_even();
-                let what = format!("{level:?} {shape:?} number {i}: {y}");
+                let what = format!("{level:?} {shape:?} {:?} number {i}: {y}", case.size);
                 assert_eq!(found, f64::from(expected), "{what}");
             }
         }

@@ -128,7 +128,7 @@ impl Case {
     }
 }
 
-/// Convolutions of one image by every kernel of maps of such words: those whose channels fill them.
+/// Convolutions of one image which together reach every kernel: those of them whose channels fill the words.
 pub(super) fn cases<W: Word>() -> Vec<Case> {
     let point = Window::square(1, 1, 0);
     let [square, jumping] = [1, 2].map(|stride| Window::square(3, stride, 1));
@@ -170,12 +170,10 @@ pub(super) fn cases<W: Word>() -> Vec<Case> {
             cases.push(case(wide, [channels; 3], [7, 10]));
         }
     }
-    let fills_words = |case: &Case| {
-        let own = case.shape.depthwise();
-        let whole = |channels: usize| own || channels.is_multiple_of(W::NUMBERS);
-        whole(case.shape.group_inputs()) && whole(case.shape.group_outputs())
-    };
-    cases.retain(fills_words);
+    cases.retain(|Case { shape, .. }| {
+        let channels = [shape.group_inputs(), shape.group_outputs()];
+        shape.depthwise() || channels.iter().all(|n| n.is_multiple_of(W::NUMBERS))
+    });
     cases
 }
 

@@ -145,8 +145,11 @@ fn check_sums<W: Word>(
                 let expected = sums[i] + shift[i % shape.outputs] + stored;
                 let expected = expected.clamp(limits[0], limits[1]);
                 let error = (found - expected).abs();
-                let what = format!("{level:?} {shape:?} {i}: {found} for {expected}");
-                assert!(error <= rounding * expected.abs() + slack, "{what}");
+                let what = format!("{level:?} {shape:?} {:?} {i}", case.size);
+                assert!(
+                    error <= rounding * expected.abs() + slack,
+                    "{what}: {found} for {expected}"
+                );
             }
         }
     });

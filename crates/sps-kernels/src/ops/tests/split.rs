@@ -39,7 +39,8 @@ fn check(case: &Case, scale: f64) {
         let found = convolve(&conv, case, &values, &stored);
         let found: Vec<f64> = found.iter().map(|x| x / scale).collect();
         let error = distance(&found, &expected);
-        assert!(error < 1e-5, "{level:?} {shape:?}: off by {error:.1e}");
+        let what = format!("{level:?} {shape:?} {:?} times {scale:e}", case.size);
+        assert!(error < 1e-5, "{what}: off by {error:.1e}");
     });
 }
 

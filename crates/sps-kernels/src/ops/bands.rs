@@ -187,7 +187,9 @@ pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + S
     rayon::scope(|scope| {
         for _ in 0..helpers {
             scope.spawn(|_| {
-                let _done = AtEnd(|| _ = done.fetch_add(1, Ordering::Relaxed));
+                let _done = AtEnd(|| {
+                    done.fetch_add(1, Ordering::Relaxed);
+                });
                 begun.fetch_add(1, Ordering::Relaxed);
                 if !in_pass() {
                     by_team(1, || from_fn(|| items().next()).for_each(&work));

@@ -195,7 +195,8 @@ impl<W: Word> Conv<W> {
                 to,
                 places: &reach.places,
             };
-            return winograd.apply(threads, reach, target, epilogue);
+            winograd.apply(threads, reach, target, epilogue);
+            return;
         }
         match &self.weights {
             Weights::Images(phases) => {

@@ -16,7 +16,7 @@ use super::words::{Arithmetic, Real, Word, WordKernel, vectors};
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
 #[derive(Debug, Clone)]
 pub(crate) struct ChannelWeights {
-    pub(super) level: Level,
+    level: Level,
     channels: usize,
     /// Taps in a row of the window, which lie side by side one way or the other.
     columns: usize,
@@ -53,6 +53,10 @@ impl ChannelWeights {
 const SIDE_BY_SIDE: usize = 7;
 
 impl<W: Word> RowWeights<W> for ChannelWeights {
+    fn level(&self) -> Level {
+        self.level
+    }
+
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(writer: Writer<'_, W, Self, S, A>) {
         match (writer.weights.columns, writer.rows.stride) {

@@ -20,7 +20,7 @@ const QUAD: usize = 4;
 /// The weights of a depth-wise convolution.
 #[derive(Debug, Clone)]
 pub(crate) struct QuadWeights<W> {
-    pub(super) level: Level,
+    level: Level,
     channels: usize,
     /// Rows and columns of the window; those of all times are rows below each other.
     rows: usize,
@@ -68,6 +68,10 @@ impl<W: Word> QuadWeights<W> {
 const HELD: usize = 12;
 
 impl<W: Word> RowWeights<W> for QuadWeights<W> {
+    fn level(&self) -> Level {
+        self.level
+    }
+
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
         let (lanes, weights) = (writer.lanes, writer.weights);

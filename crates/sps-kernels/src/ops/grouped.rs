@@ -16,7 +16,7 @@ use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of};
 /// The weights of a grouped convolution, `group` channels in and out of each group.
 #[derive(Debug, Clone)]
 pub(crate) struct GroupWeights<W = f32> {
-    pub(super) level: Level,
+    level: Level,
     group: usize,
     taps: usize,
     /// `(channels / (vectors * lanes), taps, words of a group, vectors, lanes)`, with as many
@@ -61,6 +61,10 @@ impl<W: Word> GroupWeights<W> {
 }
 
 impl<W: Word> RowWeights<W> for GroupWeights<W> {
+    fn level(&self) -> Level {
+        self.level
+    }
+
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
         debug_assert_eq!(writer.rows.taps.len(), writer.weights.taps);

@@ -145,13 +145,15 @@ impl<W: Word> Panels<W> {
     ) -> Vec<Panels> {
         let mut all = vec![Panels::resized(self.level, k, self.n); count];
         let lanes = self.level.lanes();
-        let each = all.iter_mut().map(|panels| panels.parts().into_iter());
-        let mut each: Vec<_> = each.collect();
-        let panels = self.all().iter().map(|panel| {
-            let parts = each.iter_mut().filter_map(Iterator::next);
-            (panel, parts.map(|(.., part)| part).collect())
-        });
-        let made: Vec<(Panel<'_, W>, Vec<&mut [f32]>)> = panels.collect();
+        // Of each matrix, its panels that were not yet handed out.
+        let rests = all.iter_mut().map(|panels| panels.parts().into_iter());
+        let mut rests: Vec<_> = rests.collect();
+        let mut made = Vec::new();
+        for panel in self.all().iter() {
+            let parts = rests.iter_mut().filter_map(Iterator::next);
+            let parts: Vec<&mut [f32]> = parts.map(|(.., memory)| memory).collect();
+            made.push((panel, parts));
+        }
         let make = |(panel, mut parts): (Panel<'_, W>, Vec<_>)| {
             make(&panel.numbers(panel.vectors * lanes), &mut parts);
         };
@@ -184,14 +186,15 @@ impl<W: Word> Panels<W> {
     /// First column, width and memory of each panel.
     fn parts(&mut self) -> Vec<(usize, usize, &mut [W])> {
         let (k, lanes) = (self.k, self.level.lanes());
+        let mut parts = Vec::new();
         let mut rest = &mut self.data[..];
-        let part = |(column, vectors)| {
+        for (column, vectors) in columns(self.n, lanes) {
             let width = vectors * lanes;
-            let (panel, tail) = std::mem::take(&mut rest).split_at_mut(k * width);
+            let (panel, tail) = rest.split_at_mut(k * width);
+            parts.push((column, width, panel));
             rest = tail;
-            (column, width, panel)
-        };
-        columns(self.n, lanes).map(part).collect()
+        }
+        parts
     }
 
     /// Whether the weights outweigh the maps that threads would read and copy if they shared out the columns.

@@ -178,9 +178,9 @@ impl<W: Word> Packed<W> {
                     target[place - rows.origin..][..*words].fill(W::default());
                 }
             }
-            Self::Narrow(groups) => rows.write(groups.level, groups, target),
-            Self::Channels(own) if const { !W::WHOLE } => rows.write(own.level, own, target),
-            Self::Quads(quads) if const { W::WHOLE } => rows.write(quads.level, quads, target),
+            Self::Narrow(weights) => rows.write(weights, target),
+            Self::Channels(weights) if const { !W::WHOLE } => rows.write(weights, target),
+            Self::Quads(weights) if const { W::WHOLE } => rows.write(weights, target),
             Self::Matrices(groups) => {
                 let mut column = 0;
                 for (group, panels) in groups.iter().enumerate() {

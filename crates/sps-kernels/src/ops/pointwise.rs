@@ -52,6 +52,58 @@ impl Norm {
         });
     }
 
+    /// The same for a band, whose pixels of `x` lie `pitch` words apart. `places` has every pixel of the whole target,
+    /// `added` every one of a plain shortcut.
+    #[inline(always)]
+    fn apply_to_band<W: Real>(
+        &self,
+        (x, pitch): (&[W], usize),
+        onto: Option<(&[f32], Shortcut<'_, W>)>,
+        [places, added]: [&[usize]; 2],
+        band: &mut Band<'_, W>,
+        limits: [f32; 2],
+    ) {
+        let (n, mean, factor, beta) = self.channels();
+        let (target, origin, range) = (&mut *band.target, band.origin, band.pixels.clone());
+        let pixels = rows(x, pitch, n).zip(&places[range.clone()]);
+        match onto {
+            None => {
+                for (x, &place) in pixels {
+                    let out = pixel_mut(&mut target[place - origin..], n);
+                    for c in 0..n {
+                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
+                        out[c] = W::narrowed(within(limits, y));
+                    }
+                }
+            }
+            Some((gate, Shortcut::Plain(memory, _))) => {
+                let gate = &gate[..n];
+                for ((x, place), &added) in pixels.zip(&added[range]) {
+                    let out = pixel_mut(&mut target[place - origin..], n);
+                    let shortcut = pixel(&memory[added..], n);
+                    for c in 0..n {
+                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
+                        let end = y * gate[c] + W::widened(shortcut[c]);
+                        out[c] = W::narrowed(within(limits, end));
+                    }
+                }
+            }
+            Some((gate, Shortcut::Normed(shortcut, norm))) => {
+                let gate = &gate[..n];
+                let (_, m, f, b) = norm.channels();
+                let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
+                for ((x, place), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
+                    let out = pixel_mut(&mut target[place - origin..], n);
+                    for c in 0..n {
+                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
+                        let z = (W::widened(shortcut[c]) - m[c]) * f[c] + b[c];
+                        out[c] = W::narrowed(within(limits, y * gate[c] + z));
+                    }
+                }
+            }
+        }
+    }
+
     /// Sums over each frame, from which every gradient follows: see [`FrameSums`].
     ///
     /// The output was activated so.
@@ -183,58 +235,6 @@ impl Norm {
             );
         });
     }
-
-    /// The same for a band, of as many pixels of `x`, which lie so far apart: where each of the target's pixels lies,
-    /// and each of a plain shortcut's.
-    #[inline(always)]
-    fn apply_to_band<W: Real>(
-        &self,
-        (x, pitch): (&[W], usize),
-        onto: Option<(&[f32], Shortcut<'_, W>)>,
-        [places, added]: [&[usize]; 2],
-        band: &mut Band<'_, W>,
-        limits: [f32; 2],
-    ) {
-        let (n, mean, factor, beta) = self.channels();
-        let (target, origin, range) = (&mut *band.target, band.origin, band.pixels.clone());
-        let pixels = rows(x, pitch, n).zip(&places[range.clone()]);
-        match onto {
-            None => {
-                for (x, &place) in pixels {
-                    let out = pixel_mut(&mut target[place - origin..], n);
-                    for c in 0..n {
-                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
-                        out[c] = W::narrowed(within(limits, y));
-                    }
-                }
-            }
-            Some((gate, Shortcut::Plain(memory, _))) => {
-                let gate = &gate[..n];
-                for ((x, place), &added) in pixels.zip(&added[range]) {
-                    let out = pixel_mut(&mut target[place - origin..], n);
-                    let shortcut = pixel(&memory[added..], n);
-                    for c in 0..n {
-                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
-                        let end = y * gate[c] + W::widened(shortcut[c]);
-                        out[c] = W::narrowed(within(limits, end));
-                    }
-                }
-            }
-            Some((gate, Shortcut::Normed(shortcut, norm))) => {
-                let gate = &gate[..n];
-                let (_, m, f, b) = norm.channels();
-                let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
-                for ((x, place), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
-                    let out = pixel_mut(&mut target[place - origin..], n);
-                    for c in 0..n {
-                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
-                        let z = (W::widened(shortcut[c]) - m[c]) * f[c] + b[c];
-                        out[c] = W::narrowed(within(limits, y * gate[c] + z));
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// NaN stays NaN.
@@ -244,7 +244,7 @@ fn within([least, most]: [f32; 2], x: f32) -> f32 {
     if x > most { most } else { x }
 }
 
-/// Numbers of `n` channels that are the same in every frame, or each frame's own.
+/// A frame's numbers of `n` channels, of values that are the same in every frame or each frame's own.
 #[inline(always)]
 fn of_frame(values: &[f32], frame: usize, n: usize) -> &[f32] {
     let own = usize::from(values.len() > n);

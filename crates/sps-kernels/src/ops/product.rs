@@ -170,7 +170,13 @@ impl<W: Word> Product<'_, W> {
         if const { W::NUMBERS > 1 } && Plan::of(self).is_some() {
             return self.write_by_tiles(target, places, origin);
         }
-        W::run(self.panels.level, Write(self, target, places, origin));
+        let write = Write {
+            product: self,
+            target,
+            places,
+            origin,
+        };
+        W::run(self.panels.level, write);
     }
 
     /// The same by matrix tiles, into a map of any words. Nothing where tiles do not multiply it.
@@ -250,8 +256,9 @@ pub(crate) fn product_of_rows(x: &[f32], panels: &Panels, epilogue: Epilogue<'_>
     out
 }
 
-/// Has all threads of the pool write some columns each, from those of matrices that have as many. `write` fills a block
-/// of their own, whose rows begin where it is told.
+/// Has all threads of the pool write some columns each. The matrices, of which there is at least one, have as many
+/// columns and are cut alike: `write` is handed those columns of each, and fills a block of their own, whose rows begin
+/// where it is told.
 pub(super) fn write_shared<W: Word, P: Word>(
     matrices: &[PanelRun<'_, P>],
     (target, places): (&mut [W], &[usize]),
@@ -284,7 +291,12 @@ pub(super) fn write_shared<W: Word, P: Word>(
     }
 }
 
-struct Write<'a, 'b, W>(&'a Product<'b, W>, &'a mut [W], &'a [usize], usize);
+struct Write<'a, 'b, W> {
+    product: &'a Product<'b, W>,
+    target: &'a mut [W],
+    places: &'a [usize],
+    origin: usize,
+}
 
 /// Words of f32 that are summed before their sum joins a longer one: rounding then grows with this
 /// and with the number of blocks, not with a row's length. None where all are summed together:
@@ -302,7 +314,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
-        let Self(product, target, places, origin) = self;
+        let (product, places, origin) = (self.product, self.places, self.origin);
         let tallest = tallest::<S>();
         let (k, n) = (product.panels.k, product.panels.n);
         let frame_rows = product.frame_rows.max(1);
@@ -335,7 +347,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
                                 lanes,
                                 arithmetic,
                             };
-                            tile.write(target);
+                            tile.write(self.target);
                         }
                     }
                 }
@@ -378,7 +390,7 @@ impl<S: Lanes, A: Arithmetic<S>> Tile<'_, '_, S, A> {
         });
     }
 
-    /// `H` rows and `NV` vectors.
+    /// The same of `H` rows and `NV` vectors.
     #[inline(always)]
     fn write_rows<const H: usize, const NV: usize>(&self, target: &mut [A::Word]) {
         let (panel, lanes, arithmetic) = (self.panel, self.lanes, self.arithmetic);

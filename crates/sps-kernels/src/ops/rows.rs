@@ -30,6 +30,9 @@ pub(super) struct Rows<'a, W> {
 
 /// Weights that rows are convolved by.
 pub(super) trait RowWeights<W: Word>: Sized {
+    /// The level whose vectors they are laid out for.
+    fn level(&self) -> Level;
+
     /// Writes pixel `i` at `places[i] - origin` of the target; inlined as [`Kernel::run`](super::simd::Kernel::run).
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(writer: Writer<'_, W, Self, S, A>);
 }
@@ -76,9 +79,9 @@ impl<'a, W: Word> Rows<'a, W> {
         }
     }
 
-    /// Convolves the rows into the target by weights that are laid out for a level.
-    pub(super) fn write<P: RowWeights<W>>(&self, level: Level, weights: &P, target: &mut [W]) {
-        W::run(level, Write(self, weights, target));
+    /// Convolves the rows into the target.
+    pub(super) fn write<P: RowWeights<W>>(&self, weights: &P, target: &mut [W]) {
+        W::run(weights.level(), Write(self, weights, target));
     }
 }
 

@@ -212,8 +212,9 @@ pub trait Kernel {
     fn run<S: Lanes>(self, lanes: S) -> Self::Output;
 }
 
-/// A closure that names no vectors and is `#[inline(always)]`: the compiler makes vectors of its loops. By `FnMut`, as
-/// `FnOnce` may be a function around it that is not inlined.
+/// A closure, which must be `#[inline(always)]` as `run` must. It is handed no lanes: it has them already, or the
+/// compiler makes vectors of its loops. It is called by `FnMut`: by `FnOnce` the compiler may call a function around
+/// it, which is not inlined.
 impl<T, F: FnMut() -> T> Kernel for F {
     type Output = T;
 
@@ -223,6 +224,7 @@ impl<T, F: FnMut() -> T> Kernel for F {
     }
 }
 
+/// A kernel and its lanes, as pulp runs them.
 pub(super) struct Call<K, S>(pub(super) K, pub(super) S);
 
 impl<K: Kernel, S: Lanes> NullaryFnOnce for Call<K, S> {
@@ -259,7 +261,7 @@ pub trait Lanes: Simd {
     }
 
     /// For words that hold `N` numbers each, in `N` vectors, of which this is `v`: in each run of `G` lanes that
-    /// group's word `index`. Of single numbers, that run's own lane.
+    /// group's word `index`. Where `N` is 1, that is the run's lane `index`.
     ///
     /// `G` is 4, or 8 where there are 16 lanes; `N` 1, 2 or 4.
     fn spread<const G: usize, const N: usize>(

@@ -123,14 +123,15 @@ impl Split {
         (source, from): (&[f32], &Grid),
         (target, pitch): (&mut [Bf16Pair], usize),
     ) {
-        let (from, channels) = (from.pitch, self.shape.inputs);
-        let parts = source.chunks(PIXELS * from);
+        // Words from one pixel of the source to the next, as `pitch` is of the target.
+        let (step, channels) = (from.pitch, self.shape.inputs);
+        let parts = source.chunks(PIXELS * step);
         let parts = parts.zip(target.chunks_mut(PIXELS * pitch));
         let split = |(source, target): (&[f32], &mut [Bf16Pair])| {
             self.level.run(
                 #[inline(always)]
                 move || {
-                    let pixels = source.chunks(from);
+                    let pixels = source.chunks(step);
                     for (pixel, target) in pixels.zip(target.chunks_exact_mut(pitch)) {
                         let numbers = Bf16Pair::each_mut(target);
                         let (upper, lower) = numbers.split_at_mut(pitch);

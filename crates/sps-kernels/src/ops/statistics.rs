@@ -87,7 +87,7 @@ impl PartialStatistics {
         }
     }
 
-    /// Of a run.
+    /// Of a run: of the channels of its pixels, which lie `pitch` words apart.
     #[inline(always)]
     fn of<W: Word>(run: &[W], channels: usize, pitch: usize) -> Self {
         let count = run.len() / pitch;

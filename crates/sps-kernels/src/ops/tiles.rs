@@ -200,7 +200,7 @@ impl<W: Word> Copies<W> {
         }
     }
 
-    /// The rows of a tile.
+    /// The rows of a tile, from these copies or from the source.
     #[inline(always)]
     fn left<'s>(&'s self, product: &'s Product<'_, W>, rows: Rows) -> Left<'s, W> {
         match rows.read {
@@ -624,6 +624,7 @@ impl<S: Lanes, A: Arithmetic<S>> Finishing<'_, S, A> {
         let (column, count) = self.columns;
         let columns = (column, if WHOLE { NV * S::F32_LANES } else { count });
         let mut finish = Finish::<S, NV>::new(self.lanes, self.epilogue, self.frame, columns);
+        // As a constant where nothing is stored, so that no row asks.
         finish.accumulate &= STORED;
         let (first, words) = (A::Word::words(column), A::Word::words(columns.1));
         let (sums, _) = S::as_simd_f32s(&self.sums.0);

@@ -88,7 +88,7 @@ impl Slurm {
         slurm.daemon("slurmd -D");
         wait("a node", || {
             let states = slurm.command("sinfo").args(["-h", "-o", "%T"]).output();
-            states.unwrap().stdout.starts_with(b"idle")
+            String::from_utf8_lossy(&states.unwrap().stdout).contains("idle")
         });
         Some(slurm)
     }
@@ -126,8 +126,9 @@ impl Slurm {
              PartitionName=all Nodes={name} Default=YES State=UP\n"
         );
         self.folder.write("slurm.conf", config);
-        let folders = ["state", "spool"].iter();
-        folders.for_each(|name| fs::create_dir(self.folder.path(name)).unwrap());
+        for name in ["state", "spool"] {
+            fs::create_dir(self.folder.path(name)).unwrap();
+        }
     }
 
     /// A command that talks to this Slurm.

@@ -16,13 +16,18 @@ fn scores(comparison: &Value) -> &Vec<Value> {
 }
 
 /// More surfaces than the tiny dataset has: enough to draw from.
-const SURFACES: &str = "data.from=simulator data.simulated.surfaces=30 data.simulated.test-surfaces=0 \
-    data.simulated.size=32 data.simulated.views=1";
+const SURFACES: [&str; 5] = [
+    "data.from=simulator",
+    "data.simulated.surfaces=30",
+    "data.simulated.test-surfaces=0",
+    "data.simulated.size=32",
+    "data.simulated.views=1",
+];
 
 #[test]
 fn a_run_and_itself_do_not_differ() {
     let scratch = Scratch::new();
-    run(&scratch, "run", &SURFACES.split(' ').collect::<Vec<_>>());
+    run(&scratch, "run", &SURFACES);
     let compare = |line: &str| scratch.sps(&format!("compare @run @run {line}"));
     let all = compare("--json").json();
     let one = &all["comparisons"][0];
@@ -42,9 +47,9 @@ fn a_run_and_itself_do_not_differ() {
         }
     }
     let text = compare("").said();
-    let same = "The same in both: config, sources, data, machine";
-    let scored = "Both are scored on the same surfaces; All 26 scores are the same.";
-    expect(&text, &format!("{same}; {scored}; Speed beside error"));
+    let parts = "The same in both: config, sources, data, machine; \
+        Both are scored on the same surfaces; All 26 scores are the same.; Speed beside error";
+    expect(&text, parts);
     let long = text.lines().find(|line| line.chars().count() > 100);
     assert_eq!(long, None);
     compare("--tolerance 0").assert().success();
@@ -91,8 +96,9 @@ fn other_surfaces_are_not_paired() {
     scratch.change_readings(|_, reading| reading + 1.0);
     run(&scratch, "edited", &[]);
     let all = scratch.sps("compare @run @run @edited --json").json();
-    assert_eq!(all["comparisons"].as_array().unwrap().len(), 2);
-    let [same, edited] = [0, 1].map(|other| &all["comparisons"][other]);
+    let [same, edited] = all["comparisons"].as_array().unwrap().as_slice() else {
+        panic!("{all}");
+    };
     assert!(scores(same).iter().all(|score| score["paired"] == true));
     assert!(scores(edited).iter().all(|score| score["paired"] == false));
     assert_eq!(edited["aspects"][2]["differing"][0]["key"], "data_hash");

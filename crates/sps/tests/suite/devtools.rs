@@ -65,10 +65,8 @@ impl Tab {
         for domain in ["Page", "Runtime", "Log"] {
             tab.call(&format!("{domain}.enable"), json!({}));
         }
-        tab.call(
-            "Page.setInterceptFileChooserDialog",
-            json!({ "enabled": true }),
-        );
+        let taken = json!({ "enabled": true });
+        tab.call("Page.setInterceptFileChooserDialog", taken);
         Some(tab)
     }
 
@@ -171,8 +169,12 @@ impl Tab {
 
     /// What the page printed, was refused or did not catch.
     pub(crate) fn problems(&self) -> Vec<String> {
-        let names = "Runtime.exceptionThrown Runtime.consoleAPICalled Log.entryAdded";
-        let problem = |event: &&Value| names.split(' ').any(|name| event["method"] == name);
+        const PROBLEMS: [&str; 3] = [
+            "Runtime.exceptionThrown",
+            "Runtime.consoleAPICalled",
+            "Log.entryAdded",
+        ];
+        let problem = |event: &&Value| PROBLEMS.iter().any(|problem| event["method"] == *problem);
         let problems = self.events.iter().filter(problem);
         problems.map(Value::to_string).collect()
     }

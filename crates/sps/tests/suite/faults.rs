@@ -188,7 +188,8 @@ impl Faults {
             let _ = run.kill();
             let ended = end(run);
             before = self.check_kept(&format!("kill {killed}"), &before);
-            if ended.0.code().is_some() {
+            let (status, _) = &ended;
+            if status.code().is_some() {
                 self.check_once("killed before", "run", &ended);
                 self.begin_again();
                 before.clear();
@@ -284,8 +285,8 @@ impl Faults {
                 self.count("pairs of runners");
                 self.check_once("the first of two", runs[0], &first);
                 self.check_once("the second of two", runs[1], &second);
-                let waited = first.1.contains("waiting") || second.1.contains("waiting");
-                if runs[0] == runs[1] && !waited {
+                let waited = [&first, &second].map(|(_, log)| log.contains("waiting"));
+                if runs[0] == runs[1] && waited == [false; 2] {
                     self.lose("two runners: none waited for the other".to_owned());
                 }
             }

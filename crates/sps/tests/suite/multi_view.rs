@@ -43,10 +43,8 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
             assert!(method["r2"]["fRS"].is_f64(), "{method}");
         }
     }
-    expect(
-        report,
-        "## The selection of views; figures/selected-views.svg",
-    );
+    let parts = "## The selection of views; figures/selected-views.svg";
+    expect(report, parts);
 }
 
 #[test]

@@ -53,9 +53,10 @@ fn laid_out() -> Scratch {
 fn commands_of_the_readme() -> Vec<String> {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let (_, section) = readme.split_once("## On your own photographs").unwrap();
-    let lines = section.split("```").nth(1).unwrap().lines().skip(1);
+    let (_, lines) = section.split_once("```sh\n").unwrap();
+    let (lines, _) = lines.split_once("```").unwrap();
     let command = |line: &str| line.strip_prefix("cargo xtask ").unwrap().to_owned();
-    lines.map(command).collect()
+    lines.lines().map(command).collect()
 }
 
 #[test]
@@ -123,9 +124,8 @@ fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
     let level = "--values other.csv --level 2";
     refused(one, level, 2, "--level; between 0 and 1");
     // How a table is laid out says nothing of a config.
-    let [_, log] = scratch
-        .sps("fit --config x.toml --views a --out m")
-        .ended(2);
+    let mut both = scratch.sps("fit --config x.toml --views a --out m");
+    let [_, log] = both.ended(2);
     expect(&log, "--views");
 }
 

@@ -10,7 +10,8 @@ const SIGPIPE: i32 = 13;
 
 /// Runs the command with its output into a closed pipe.
 fn closed(scratch: &Scratch, line: &str) {
-    let (_, writer) = pipe().unwrap();
+    let (reader, writer) = pipe().unwrap();
+    drop(reader);
     let mut command = scratch.process(line);
     command.stdout(writer).stderr(Stdio::piped());
     let output = command.output().unwrap();
@@ -32,9 +33,9 @@ fn closed_pipes_end_commands_quietly() {
     closed("inspect @data --json --out @figures");
     closed("fit --config @tiny.toml --out @model");
     fit(&scratch, &["train.method=ridge"]).assert().success();
-    let commands =
-        "predict @model|predict @model --json|predict @model --csv|map --out @figures @model fRS";
-    for command in commands.split('|') {
-        closed(&format!("{command} @data/frames/oak-01/002.jpg"));
+    let photograph = "@data/frames/oak-01/002.jpg";
+    for form in ["", "--json", "--csv"] {
+        closed(&format!("predict @model {photograph} {form}"));
     }
+    closed(&format!("map @model fRS {photograph} --out @figures"));
 }

@@ -235,20 +235,23 @@ fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
          tile-01,fRS,1,1,2,2\n\
          tile-01,fRS,1,1,2\n",
     );
-    expect(&refused, "method `gpt`, `file`: ;  problems");
-    let lines = "\
-estimates.csv, line 2: found `rough` for `value`, expected a number
-line 3: unknown property `fRX`, did you mean `fRS`?
-line 5: unknown surface `oka-01`, did you mean `oak-01`?
-line 6: found `NaN` for `value`
-line 7: found `inf` for `value`
-line 8: estimates again what line 2 does
-line 9: found 3 for `low`, expected at most `high`, 2
-line 10: found `` for `high`
-line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0
-line 12: found 5 cells, expected 6
-no row of `cDF`, which the experiment estimates";
-    lines.lines().for_each(|line| expect(&refused, line));
+    expect(&refused, "method `gpt`, `file`: ");
+    expect(&refused, " problems");
+    for problem in [
+        "estimates.csv, line 2: found `rough` for `value`, expected a number",
+        "line 3: unknown property `fRX`, did you mean `fRS`?",
+        "line 5: unknown surface `oka-01`, did you mean `oak-01`?",
+        "line 6: found `NaN` for `value`",
+        "line 7: found `inf` for `value`",
+        "line 8: estimates again what line 2 does",
+        "line 9: found 3 for `low`, expected at most `high`, 2",
+        "line 10: found `` for `high`",
+        "line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0",
+        "line 12: found 5 cells, expected 6",
+        "no row of `cDF`, which the experiment estimates",
+    ] {
+        expect(&refused, problem);
+    }
 }
 
 #[test]

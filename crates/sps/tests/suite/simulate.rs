@@ -1,22 +1,21 @@
 //! Simulated datasets on disk: written, interrupted, read and looked at.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::support::{Ends, Mounted, Scratch, expect, kill, line, tree};
 use serde_json::json;
-use sps_dataset::{DecodeSettings, decode_image};
+use sps_dataset::{DecodeSettings, read_image};
 
 /// Eight surfaces of four small views.
 const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
 
-/// The frames of each finished surface of an unfinished dataset.
-fn finished(folder: &Path) -> Vec<BTreeMap<PathBuf, Vec<u8>>> {
+/// The folders of the finished surfaces of an unfinished dataset.
+fn finished(folder: &Path) -> Vec<PathBuf> {
     let surfaces = fs::read_dir(folder.join("frames")).into_iter().flatten();
     let surfaces = surfaces.map(Result::unwrap);
     let surfaces = surfaces.filter(|of| !of.file_name().to_string_lossy().starts_with('.'));
-    surfaces.map(|surface| tree(&surface.path())).collect()
+    surfaces.map(|surface| surface.path()).collect()
 }
 
 #[test]
@@ -30,7 +29,9 @@ fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     // Once the first surface is whole.
     kill(child, || !finished(&cut).is_empty());
     let begun = finished(&cut);
-    assert!(begun.iter().all(|frames| frames.len() == 4));
+    for surface in &begun {
+        assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
+    }
     let log = small("cut").logged();
     if begun.len() < 8 {
         assert!(!log.contains(" 0 were there"), "{log}");
@@ -51,10 +52,11 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
     expect(&text, "disk/set; no space is left");
     assert_eq!(text.lines().count(), 1, "{text}");
     assert!(!out.join("dataset.toml").exists());
-    for frames in finished(&out) {
+    for surface in finished(&out) {
+        let frames = tree(&surface);
         assert_eq!(frames.len(), 4);
-        for bytes in frames.values() {
-            decode_image(bytes, &DecodeSettings::default()).unwrap();
+        for name in frames.keys() {
+            read_image(&surface.join(name), &DecodeSettings::default()).unwrap();
         }
     }
     mounted.remount("size=10m");
@@ -97,8 +99,9 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
     assert_eq!(medians["surfaces"], by_folder["surfaces"]);
     assert_ne!(medians["properties"], by_folder["properties"]);
 
-    scratch.simulates("test-surfaces = 0");
-    let mut simulated = by_config("reruns=1");
+    let none = "[data]\nsimulated.test-surfaces = 0\n";
+    scratch.edit("tiny.toml", "[data]\n", none);
+    let mut simulated = by_config("data.from=simulator");
     simulated.refused("tiny.toml; data.from; simulate");
 }
 

@@ -42,20 +42,30 @@ fn scratch(settings: &str) -> Scratch {
     scratch
 }
 
-/// After a run of all settings, for tests that only read.
-static RAN: LazyLock<Scratch> = LazyLock::new(|| {
-    let scratch = scratch(SETTINGS);
-    scratch.ran();
-    scratch
-});
-
-fn results() -> Value {
-    RAN.json("run/results.json")
+/// What one run of all settings left, for the tests that only read.
+struct Ran {
+    results: Value,
+    figure: String,
+    report: String,
+    html: String,
+    predictions: String,
 }
+
+static RAN: LazyLock<Ran> = LazyLock::new(|| {
+    let scratch = scratch(SETTINGS);
+    scratch.experiment().assert().success();
+    Ran {
+        results: scratch.json("run/results.json"),
+        figure: scratch.read("run/figures/speed-error.svg"),
+        report: scratch.read("run/report.md"),
+        html: scratch.read("run/report.html"),
+        predictions: scratch.read("run/predictions.csv"),
+    }
+});
 
 #[test]
 fn settings_are_drawn_and_the_questions_answered() {
-    let results = &results();
+    let results = &RAN.results;
     let seconds = |method: &Value| method["predict_seconds_per_surface"].as_f64().unwrap();
     let r2 = |method: &Value| method["r2_mean"].as_f64().unwrap();
     let methods = results["methods"].as_array().unwrap();
@@ -79,22 +89,19 @@ fn settings_are_drawn_and_the_questions_answered() {
     let fastest = answer("fastest_within_error");
     assert!(1.0 - r2(fastest) <= 1.02 * (1.0 - best));
 
-    let figure = RAN.read("run/figures/speed-error.svg");
     for one in methods {
         let label = one["label"].as_str().unwrap();
-        expect(&figure, &format!("<title>{label}: "));
+        expect(&RAN.figure, &format!("<title>{label}: "));
     }
-    let report = RAN.read("run/report.md");
-    expect(&report, "## Two questions; ## Every setting; | ● ");
-    let html = RAN.read("run/report.html");
+    expect(&RAN.report, "## Two questions; ## Every setting; | ● ");
     let titles = "Speed against error; Width of intervals against error";
-    expect(&html, titles);
-    expect(&html, "Coverage of intervals; data:image/png;base64,");
+    expect(&RAN.html, titles);
+    expect(&RAN.html, "Coverage of intervals; data:image/png;base64,");
 }
 
 #[test]
 fn costs_come_in_parts() {
-    let results = &results();
+    let results = &RAN.results;
     let of = |id: &str, key: &str| method(results, id)[key].as_f64().unwrap();
     for id in ["small-1-ridge", "squeeze-1-ridge", "small-all-head", "wide"] {
         let part = |part: &str| of(id, &format!("{part}_seconds_per_surface"));
@@ -113,7 +120,7 @@ fn costs_come_in_parts() {
 
 #[test]
 fn views_are_added_until_the_interval_is_narrow_enough() {
-    let results = &results();
+    let results = &RAN.results;
     let wide = method(results, "wide");
     assert_eq!(wide["adaptive"]["mean_views"], 1.0);
     assert_eq!(wide["adaptive"]["narrow"], 1.0);
@@ -125,7 +132,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
     let share = serde_json::json!([0.0, 0.0, 1.0]);
     assert_eq!(narrow["adaptive"]["share_of_views"], share);
     // What single estimates took, and their intervals.
-    for line in rows::<BTreeMap<String, String>>(&RAN.read("run/predictions.csv")) {
+    for line in rows::<BTreeMap<String, String>>(&RAN.predictions) {
         let number = |key: &str| line[key].parse::<f64>().ok();
         match line["method"].as_str() {
             "narrow" => assert_eq!(line["views"], "3"),
@@ -141,7 +148,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
 
 #[test]
 fn a_method_says_the_same_beside_methods_with_other_encoders() {
-    let (alone, beside) = (scratch("").ran(), &results());
+    let (alone, beside) = (scratch("").ran(), &RAN.results);
     for id in ["ridge", "cross-modal"] {
         assert_eq!(method(&alone, id)["r2"], method(beside, id)["r2"]);
     }

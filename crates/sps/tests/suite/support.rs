@@ -154,13 +154,6 @@ impl Scratch {
         self.process(line).into()
     }
 
-    /// The same, run in the scratch folder.
-    pub(crate) fn inside(&self, line: &str) -> Command {
-        let mut command = self.sps(line);
-        command.current_dir(self.path("."));
-        command
-    }
-
     /// The same as a process to start, which prints nothing.
     pub(crate) fn process(&self, line: &str) -> process::Command {
         let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
@@ -170,7 +163,14 @@ impl Scratch {
         command
     }
 
-    /// Starts it, its log to be read.
+    /// The command with the words of such a line, run in the scratch folder.
+    pub(crate) fn inside(&self, line: &str) -> Command {
+        let mut command = self.sps(line);
+        command.current_dir(self.path("."));
+        command
+    }
+
+    /// Starts such a process, its log to be read.
     pub(crate) fn start(&self, line: &str) -> process::Child {
         let mut process = self.process(line);
         process.stderr(Stdio::piped()).spawn().expect("a process")
@@ -261,7 +261,7 @@ impl Scratch {
         }
         for method in results["methods"].as_array_mut().expect("methods") {
             let method = method.as_object_mut().expect("a method");
-            // Of memory, more threads hold more at once.
+            // `peak_memory_bytes` too: more threads hold more at once.
             let keys = "decode_seconds_per_surface encode_seconds_per_surface head_seconds_per_surface \
                 predict_seconds_per_surface train_seconds encoder_train_seconds peak_memory_bytes";
             for key in keys.split(' ') {
@@ -362,7 +362,7 @@ pub(crate) fn line(said: &str, first: &str) -> String {
     words.join(" ")
 }
 
-/// Every part is in the message; parts have `; ` between them.
+/// Every part is in the message; parts have `; ` between them, so none has it within itself.
 pub(crate) fn expect(message: &str, parts: &str) {
     for part in parts.split("; ") {
         assert!(message.contains(part), "`{part}` is not in: {message}");

@@ -39,8 +39,13 @@ fn an_encoder_is_trained_once_for_each_rerun() {
     let (again, log) = fine_tune(&scratch, &[]);
     assert_eq!(log.matches("trained before").count(), 2, "{log}");
     assert_eq!(again, results);
+}
 
-    // Embeddings are kept by what computes them, in the precision that is asked for.
+/// Embeddings are kept by what computes them.
+#[test]
+fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
+    let scratch = Scratch::new();
+    fine_tune(&scratch, &[]);
     assert_eq!(entries(&scratch, "cache/embeddings"), 3);
     fine_tune(&scratch, &["encoder.precision=bf16"]);
     assert_eq!(entries(&scratch, "cache/embeddings"), 6);

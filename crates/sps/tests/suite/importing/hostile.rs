@@ -80,7 +80,7 @@ fn links_are_followed_inside_of_the_folder_alone() {
     assert!(fs::symlink_metadata(copied).unwrap().is_file());
 }
 
-/// Any other column is a property.
+/// Any column without a meaning of its own is a property.
 #[test]
 fn names_that_properties_can_have() {
     let table = "photograph,hardness,fRS,K-1,my_value\ndenim/b.png,1,2,3,4\noak/1.JPG,,-0.5,,5\n";

@@ -66,24 +66,23 @@ impl Selector for Exhaustive {
             seconds: 0.0,
         };
         for first in (0..blocks).step_by(BLOCKS_AT_ONCE as usize) {
-            let found: Vec<Option<(CurvePoint, Vec<usize>)>> = (first
-                ..(first + BLOCKS_AT_ONCE).min(blocks))
+            let found: Vec<Option<Block>> = (first..(first + BLOCKS_AT_ONCE).min(blocks))
                 .into_par_iter()
                 .map(|block| {
                     let first = block * runs_per_block;
                     best_of_runs(problem, first..(first + runs_per_block).min(runs))
                 })
                 .collect::<Result<_, _>>()?;
-            for (block, picks) in found.into_iter().flatten() {
-                if block.best < selection.loss {
-                    selection.loss = block.best;
-                    selection.picks = picks;
+            for block in found.into_iter().flatten() {
+                if block.loss < selection.loss {
+                    selection.loss = block.loss;
+                    selection.picks = block.picks;
                 }
-                selection.evaluations += block.evaluations;
+                selection.evaluations += block.sets;
                 selection.curve.push(CurvePoint {
                     evaluations: selection.evaluations,
+                    mean: block.mean,
                     best: selection.loss,
-                    ..block
                 });
             }
         }
@@ -110,11 +109,15 @@ impl Exhaustive {
     }
 }
 
-/// What is kept of a block of runs: the point of a curve that begins with it, and its best set.
-fn best_of_runs(
-    problem: &Problem<'_>,
-    runs: Range<u64>,
-) -> Result<Option<(CurvePoint, Vec<usize>)>, SelectError> {
+/// What is kept of a block of runs.
+struct Block {
+    sets: u64,
+    mean: f64,
+    loss: f64,
+    picks: Vec<usize>,
+}
+
+fn best_of_runs(problem: &Problem<'_>, runs: Range<u64>) -> Result<Option<Block>, SelectError> {
     let list = sets_of_runs(problem, runs);
     let sets = list.as_sets();
     let mut losses = vec![0.0; sets.len()];
@@ -122,13 +125,11 @@ fn best_of_runs(
     // The first of equals, as `min_by` has it.
     let lowest = sets.iter().zip(&losses);
     let lowest = lowest.min_by(|(_, loss), (_, lowest)| loss.total_cmp(lowest));
-    Ok(lowest.map(|(set, &best)| {
-        let block = CurvePoint {
-            evaluations: losses.len() as u64,
-            mean: mean(&losses),
-            best,
-        };
-        (block, set.to_vec())
+    Ok(lowest.map(|(set, &loss)| Block {
+        sets: losses.len() as u64,
+        mean: mean(&losses),
+        loss,
+        picks: set.to_vec(),
     }))
 }
 

@@ -120,7 +120,7 @@ impl Search<'_, '_> {
         let views = candidates.as_sets().iter().map(|candidate| candidate[slot]);
         let mut ranked: Vec<(usize, f64)> = views.zip(losses).collect();
         let moves = |view: usize| view != set[slot];
-        // Of equals the lower view, as they come.
+        // Of equals, the view that is there already, then the lower one: they come in order, and the sort is stable.
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1).then(moves(a.0).cmp(&moves(b.0))));
         ranked.truncate(self.pair_width.max(1));
         Ok(ranked.into_iter().map(|(view, _)| view).collect())

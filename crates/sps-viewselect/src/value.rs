@@ -22,28 +22,54 @@ pub(crate) struct ValueNetwork {
     gradient: Parameters,
 }
 
-/// The matrix W (slots * views, hidden), the linear term w (slots * views), the bias b (hidden), the output u (hidden)
-/// and the constant c.
-type Parameters = [Vec<f64>; 5];
+/// W (slots * views, hidden), w (slots * views), b (hidden), u (hidden) and c.
+#[derive(Clone)]
+struct Parameters {
+    matrix: Vec<f64>,
+    linear: Vec<f64>,
+    bias: Vec<f64>,
+    out: Vec<f64>,
+    constant: Vec<f64>,
+}
+
+impl Parameters {
+    fn zeros(inputs: usize, hidden: usize) -> Self {
+        Self {
+            matrix: vec![0.0; inputs * hidden],
+            linear: vec![0.0; inputs],
+            bias: vec![0.0; hidden],
+            out: vec![0.0; hidden],
+            constant: vec![0.0],
+        }
+    }
+
+    fn all(&mut self) -> [&mut Vec<f64>; 5] {
+        [
+            &mut self.matrix,
+            &mut self.linear,
+            &mut self.bias,
+            &mut self.out,
+            &mut self.constant,
+        ]
+    }
+}
 
 impl ValueNetwork {
     pub(crate) fn new(problem: &Problem<'_>, hidden: usize, learning_rate: f64) -> Self {
-        let inputs = problem.picks() * problem.views();
-        let counts = [inputs * hidden, inputs, hidden, hidden, 1];
-        let mut parameters: Parameters = counts.map(|count| vec![0.0; count]);
+        let mut parameters = Parameters::zeros(problem.picks() * problem.views(), hidden);
         let mut stream = Stream::new(problem.seed_value(), Purpose::ValueInit, 0);
         let mut fill = |part: &mut [f64], fan_in: usize| {
             // Of a set, only one input per slot is not 0.
             let bound = (3.0 / fan_in as f64).sqrt();
             part.fill_with(|| bound * (2.0 * stream.unit() - 1.0));
         };
-        let [matrix, _, _, out, _] = &mut parameters;
-        fill(matrix, problem.picks());
-        fill(out, hidden);
+        fill(&mut parameters.matrix, problem.picks());
+        fill(&mut parameters.out, hidden);
+        let adam = |part: &mut Vec<f64>| Adam::new(part.len(), learning_rate);
         Self {
             views: problem.views(),
             hidden,
-            adam: counts.map(|count| Adam::new(count, learning_rate)),
+            adam: parameters.all().map(adam),
             gradient: parameters.clone(),
             parameters,
         }
@@ -56,24 +82,22 @@ impl ValueNetwork {
 
     /// The sums of no slots; add one view per slot, then [`finish`](Self::finish).
     pub(crate) fn start(&self) -> Sums {
-        let [_, _, bias, _, constant] = &self.parameters;
         Sums {
-            linear: constant[0],
-            hidden: bias.clone(),
+            linear: self.parameters.constant[0],
+            hidden: self.parameters.bias.clone(),
         }
     }
 
     /// V of the slots that were added.
     pub(crate) fn finish(&self, sums: &Sums) -> f64 {
-        let [_, _, _, out, _] = &self.parameters;
-        let units = out.iter().zip(&sums.hidden);
+        let units = self.parameters.out.iter().zip(&sums.hidden);
         let units = units.map(|(weight, sum)| weight * sum.tanh());
         sums.linear + units.sum::<f64>()
     }
 
     /// V, the units' outputs, and dV / d(b + W x) = `u (1 - tanh^2)`.
     fn activate(&self, sums: &Sums) -> Activation {
-        let [_, _, _, out, _] = &self.parameters;
+        let out = &self.parameters.out;
         let units: Vec<f64> = sums.hidden.iter().map(|sum| sum.tanh()).collect();
         let slopes = out.iter().zip(&units);
         let slopes = slopes.map(|(weight, unit)| weight * (1.0 - unit * unit));
@@ -87,8 +111,8 @@ impl ValueNetwork {
     /// The gradient of V with respect to the joined probabilities, shape (slots, views).
     pub(crate) fn input_gradient(&self, probabilities: &[f64]) -> Vec<f64> {
         let slopes = self.activate(&self.sums_of(probabilities)).slopes;
-        let [matrix, linear, ..] = &self.parameters;
-        let rows = matrix.chunks_exact(self.hidden).zip(linear);
+        let rows = self.parameters.matrix.chunks_exact(self.hidden);
+        let rows = rows.zip(&self.parameters.linear);
         rows.map(|(row, linear)| linear + dot(row, &slopes))
             .collect()
     }
@@ -100,7 +124,7 @@ impl ValueNetwork {
         on_policy: Option<(&[f64], f64)>,
         share: f64,
     ) {
-        for part in &mut self.gradient {
+        for part in self.gradient.all() {
             part.fill(0.0);
         }
         let count = samples.len() + usize::from(on_policy.is_some());
@@ -111,7 +135,7 @@ impl ValueNetwork {
         if let Some((probabilities, target)) = on_policy {
             self.add_probabilities_gradient(probabilities, target, scale);
         }
-        let parts = self.parameters.iter_mut().zip(&self.gradient);
+        let parts = self.parameters.all().into_iter().zip(self.gradient.all());
         for (adam, (part, gradient)) in self.adam.iter_mut().zip(parts) {
             adam.descend(part, gradient, share);
         }
@@ -119,11 +143,10 @@ impl ValueNetwork {
 
     fn add_set_gradient(&mut self, set: &[usize], target: f64, scale: f64) {
         let (error, slopes) = self.add_head_gradient(&self.sums_of_set(set), target, scale);
-        let [matrix, linear, ..] = &mut self.gradient;
         for (slot, &view) in set.iter().enumerate() {
             let input = slot * self.views + view;
-            linear[input] += error;
-            let row = &mut matrix[input * self.hidden..][..self.hidden];
+            self.gradient.linear[input] += error;
+            let row = &mut self.gradient.matrix[input * self.hidden..][..self.hidden];
             add(row, error, &slopes);
         }
     }
@@ -131,22 +154,20 @@ impl ValueNetwork {
     fn add_probabilities_gradient(&mut self, probabilities: &[f64], target: f64, scale: f64) {
         let sums = self.sums_of(probabilities);
         let (error, slopes) = self.add_head_gradient(&sums, target, scale);
-        let [matrix, linear, ..] = &mut self.gradient;
-        add(linear, error, probabilities);
-        let rows = matrix.chunks_exact_mut(self.hidden);
+        add(&mut self.gradient.linear, error, probabilities);
+        let rows = self.gradient.matrix.chunks_exact_mut(self.hidden);
         for (row, probability) in rows.zip(probabilities) {
             add(row, error * probability, &slopes);
         }
     }
 
-    /// The gradient behind the input layer; the rest is the caller's, from the error and the units' slopes.
+    /// Adds the gradient behind the input layer; returns the scaled error and the units' slopes, for what is before it.
     fn add_head_gradient(&mut self, sums: &Sums, target: f64, scale: f64) -> (f64, Vec<f64>) {
         let activation = self.activate(sums);
         let error = scale * (activation.value - target);
-        let [_, _, bias, out, constant] = &mut self.gradient;
-        constant[0] += error;
-        add(bias, error, &activation.slopes);
-        add(out, error, &activation.units);
+        self.gradient.constant[0] += error;
+        add(&mut self.gradient.bias, error, &activation.slopes);
+        add(&mut self.gradient.out, error, &activation.units);
         (error, activation.slopes)
     }
 
@@ -160,9 +181,8 @@ impl ValueNetwork {
 
     fn sums_of(&self, probabilities: &[f64]) -> Sums {
         let mut sums = self.start();
-        let [matrix, linear, ..] = &self.parameters;
-        sums.linear += dot(linear, probabilities);
-        let rows = matrix.chunks_exact(self.hidden);
+        sums.linear += dot(&self.parameters.linear, probabilities);
+        let rows = self.parameters.matrix.chunks_exact(self.hidden);
         for (row, probability) in rows.zip(probabilities) {
             add(&mut sums.hidden, *probability, row);
         }
@@ -187,10 +207,9 @@ pub(crate) struct Sums {
 impl Sums {
     /// Adds the view of one slot.
     pub(crate) fn add(&mut self, network: &ValueNetwork, slot: usize, view: usize) {
-        let [matrix, linear, ..] = &network.parameters;
         let input = slot * network.views + view;
-        self.linear += linear[input];
-        let row = &matrix[input * network.hidden..][..network.hidden];
+        self.linear += network.parameters.linear[input];
+        let row = &network.parameters.matrix[input * network.hidden..][..network.hidden];
         add(&mut self.hidden, 1.0, row);
     }
 }
@@ -208,7 +227,7 @@ mod tests {
         let problem = Problem::new(&loss).expect("views enough").seed(4);
         let mut network = ValueNetwork::new(&problem, 5, 1e-2);
         let mut stream = Stream::new(5, Purpose::ValueInit, 0);
-        for parameter in network.parameters.iter_mut().flatten() {
+        for parameter in network.parameters.all().into_iter().flatten() {
             *parameter += stream.unit() - 0.5;
         }
         network
@@ -255,11 +274,11 @@ mod tests {
         };
         let parameters = network.parameters.clone();
         network.learn(samples.into_iter(), Some((&PROBABILITIES, 0.1)), 1.0);
-        let gradient = network.gradient.concat();
+        let gradient = network.gradient.all().map(|part| part.clone()).concat();
         for (index, gradient) in gradient.iter().enumerate() {
             let mut moved = |by: f64| {
                 network.parameters = parameters.clone();
-                let parameter = network.parameters.iter_mut().flatten().nth(index);
+                let parameter = network.parameters.all().into_iter().flatten().nth(index);
                 *parameter.expect("a parameter") += by;
                 error(&network)
             };
@@ -272,10 +291,12 @@ mod tests {
     fn training_fits_what_slots_lose_together() {
         // An exclusive or: no sum of slots fits it.
         let mut network = network();
-        let points: [[usize; SLOTS]; 4] = [[0, 0], [0, 1], [1, 0], [1, 1]];
-        let samples = points
-            .each_ref()
-            .map(|set| (&set[..], (set[0] ^ set[1]) as f64));
+        let samples: [(&[usize], f64); 4] = [
+            (&[0, 0], 0.0),
+            (&[0, 1], 1.0),
+            (&[1, 0], 1.0),
+            (&[1, 1], 0.0),
+        ];
         for _ in 0..2000 {
             network.learn(samples.into_iter(), None, 1.0);
         }

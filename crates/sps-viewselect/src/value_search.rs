@@ -99,8 +99,10 @@ fn best_view(
 /// The largest K with K^M combinations within the limit, from 1 to N.
 fn views_per_slot(problem: &Problem<'_>, combinations: usize) -> usize {
     let picks = u32::try_from(problem.picks()).unwrap_or(u32::MAX);
-    let all = |width: usize| width.checked_pow(picks);
-    let fits = |&width: &usize| all(width).is_some_and(|all| all <= combinations);
+    let fits = |width: &usize| {
+        let sets = width.checked_pow(picks);
+        sets.is_some_and(|sets| sets <= combinations)
+    };
     (2..=problem.views()).take_while(fits).last().unwrap_or(1)
 }
 

@@ -71,7 +71,10 @@ pub(crate) enum Interval {
 impl Measure {
     /// Of a property with these readings; its intervals are not calibrated yet.
     pub(crate) fn of(wanted: &Wanted, readings: &[f64]) -> Self {
-        let end = |at: usize| Some(wanted.range?[at]).filter(|end| end.is_finite());
+        let end = |at: usize| {
+            let end = wanted.range?[at];
+            end.is_finite().then_some(end)
+        };
         Self {
             property: wanted.property.clone(),
             lowest: end(0),

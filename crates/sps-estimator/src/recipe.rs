@@ -158,14 +158,18 @@ impl Recipe {
         let slots = self.slots()?;
         let split = self.calibration.part(examples.units, surfaces, number)?;
         examples.check_unseen(&split.validation)?;
-        let first = if self.one_by_one { 1 } else { slots.len() };
+        let steps = if self.one_by_one {
+            (1..=slots.len()).collect()
+        } else {
+            vec![slots.len()]
+        };
         let fit = Fitting {
             recipe: self,
             examples,
             surfaces,
             split,
-            steps: (first..=slots.len()).collect(),
             slots,
+            steps,
             number,
         };
         fit.fitted()

@@ -13,9 +13,10 @@ use crate::error::{Error, Result, refuse};
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
 
-/// The mark of a surface that was kept aside to calibrate, and that of one of each unit of these; 0 is that of a
-/// surface that was fitted to.
+/// The least mark of a surface that was kept aside to calibrate; a surface that was fitted to has 0.
 const ASIDE: f32 = 1.0;
+
+/// The mark of one of each unit of those kept aside.
 const ONE_OF_UNIT: f32 = 2.0;
 
 /// A surface that a model was fitted on, for people to look at.
@@ -50,8 +51,8 @@ pub(crate) struct Familiar {
     pub places: Vec<usize>,
     /// What is known of each for people; nothing of models that were fitted to bare numbers.
     pub shown: Vec<Shown>,
-    /// The mark of each: what was kept aside is what new surfaces are watched by. None was where the encoder
-    /// learned from the others.
+    /// The mark of each. New surfaces are watched by those that were kept aside; by none where the encoder learned from
+    /// the others.
     marks: Vec<f32>,
     /// For each number of views asked with, the smallest squared distances of each surface to others,
     /// ascending, `(surfaces, neighbours)`.
@@ -91,8 +92,8 @@ impl Familiar {
         Ok(familiar)
     }
 
-    /// The same, with the place of each surface among those that were handed to the fit. Those `aside` calibrate,
-    /// `one_of_each` of their units among them.
+    /// The same, with the place of each surface among those that were handed to the fit. Of these, `aside` were kept
+    /// aside to calibrate; `one_of_each` has one of each unit of them.
     pub(crate) fn at(self, places: Vec<usize>, aside: &[usize], one_of_each: &[usize]) -> Self {
         let among = |some: &[usize], place| f32::from(some.contains(place));
         let marks = places.iter();

@@ -53,6 +53,7 @@ enum Step<W> {
 struct Part<W> {
     conv: Conv,
     packed: Packed<W>,
+    /// Multiplies the results, at the end of a gated residual branch.
     gate: Option<PackedGate>,
     column: usize,
     /// The factor of what the map holds already, where results are added to that.

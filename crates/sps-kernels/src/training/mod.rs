@@ -205,19 +205,20 @@ impl<W: Real> Tape<W> {
         let (mut segments, mut statistics) = (Vec::new(), Vec::new());
         let mut embeddings = vec![0.0; frames * width];
         for layers in ranges(&context.network) {
-            let (range, noted) = (layers.clone(), Some(&mut statistics));
-            let (kept, output) = Kept::record(&context, range, &input, &grids, noted)?;
-            if let Some(block) = context.network.block(layers.end) {
+            let (end, noted) = (layers.end, Some(&mut statistics));
+            let (kept, output) = Kept::record(&context, layers.clone(), &input, &grids, noted)?;
+            segments.push(Segment {
+                layers,
+                input,
+                kept: (!checkpointing).then_some(kept),
+            });
+            if let Some(block) = context.network.block(end) {
                 let (map, grid) = output.view();
                 let frames = embeddings.chunks_exact_mut(width);
                 let mut means: Vec<_> = frames.map(|frame| &mut frame[block.clone()]).collect();
                 frame_means(Threads::All, context.level, map, grid, &mut means);
             }
-            segments.push(Segment {
-                layers,
-                input: std::mem::replace(&mut input, output),
-                kept: (!checkpointing).then_some(kept),
-            });
+            input = output;
         }
         let tape = Self {
             context,

@@ -211,8 +211,8 @@ fn granite(stream: &mut Stream) -> [Rgb; 4] {
         2 => natural([0.45, 0.38, 0.26], 0.35, stream),
         _ => natural([0.66, 0.65, 0.62], 0.2, stream),
     };
-    let [dark, light] = [(mica, 0.6), (feldspar, 0.5)].map(|(base, t)| lerp(base, quartz, t));
-    [mica, dark, feldspar, light]
+    let (grey, pale) = (lerp(mica, quartz, 0.6), lerp(feldspar, quartz, 0.5));
+    [mica, grey, feldspar, pale]
 }
 
 fn marble(stream: &mut Stream) -> [Rgb; 4] {
@@ -222,8 +222,11 @@ fn marble(stream: &mut Stream) -> [Rgb; 4] {
         2 => natural([0.55, 0.42, 0.3], 0.3, stream),
         _ => natural([0.74, 0.73, 0.7], 0.12, stream),
     };
-    let (light, pale) = (base[1] > 0.3, [0.5, 0.48, 0.45]);
-    let vein = if light { scaled(base, 0.3) } else { pale };
+    let vein = if base[1] > 0.3 {
+        scaled(base, 0.3)
+    } else {
+        [0.5, 0.48, 0.45]
+    };
     [vein, lerp(vein, base, 0.55), base, scaled(base, 1.05)]
 }
 

@@ -31,7 +31,7 @@ impl Fractal {
         }
     }
 
-    /// With features that are longer along a direction than across.
+    /// The same, with features `stretch` times longer along a direction, in radians from the x axis, than across.
     pub(crate) const fn stretched(self, stretch: f64, direction: f64) -> Self {
         Self {
             stretch,

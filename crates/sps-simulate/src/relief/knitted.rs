@@ -29,8 +29,8 @@ impl Builder<'_> {
         let count = self.count as f32;
         let (shift, level) = self.disorder(0.15, 8.0);
         let lines = Fractal::isotropic(0.4 / f64::from(count) / 8.0, 0.6);
-        let lines = self.fields(lines.stretched(8.0, std::f64::consts::FRAC_PI_2));
-        let lines = lines.0;
+        let upright = std::f64::consts::FRAC_PI_2;
+        let lines = self.fields(lines.stretched(8.0, upright)).0;
         let tone = |_| 0.2 * (self.stream.unit() as f32 - 0.5) * (1.2 - self.regularity);
         let tones: Vec<f32> = (0..self.count).map(tone).collect();
         Layers::of_texels(self.n, |at, u, _| {

@@ -57,51 +57,68 @@ impl Layers {
     }
 }
 
-/// What the height field is built of: one of [`STRUCTURES`].
+/// What the height field is built of: the place of its row in [`STRUCTURES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Structure(usize);
 
-type Row = (&'static str, usize, f32, fn(&mut Builder<'_>) -> Layers);
+struct Row {
+    /// As `ranges.csv` has it.
+    name: &'static str,
+    /// Threads or motifs after which it repeats.
+    threads: usize,
+    /// How much dye and dirt its hollows hold, 0 to 1; polished ones hold none.
+    dirt: f32,
+    build: Build,
+}
 
-/// Of each its name in `ranges.csv`, the threads or motifs after which it repeats, how much dye and dirt its
-/// hollows hold (0 to 1; polished ones hold none), and what builds it.
+type Build = fn(&mut Builder<'_>) -> Layers;
+
+const fn row(name: &'static str, threads: usize, dirt: f32, build: Build) -> Row {
+    Row {
+        name,
+        threads,
+        dirt,
+        build,
+    }
+}
+
+// A method by its name would be of one lifetime of the builder; a closure is of any.
+#[allow(clippy::redundant_closure_for_method_calls)]
 static STRUCTURES: [Row; 20] = [
-    ("smooth", 1, 0.0, |b| b.smooth()),
-    ("glazed", 1, 0.0, |b| b.glazed()),
-    ("brushed", 1, 0.0, |b| b.brushed()),
-    ("embossed", 2, 0.0, |b| b.embossed()),
-    ("woven plain", 2, 1.0, |b| b.woven(Weave::Plain)),
-    ("woven twill", 4, 1.0, |b| b.woven(Weave::Twill)),
-    ("woven satin", 5, 1.0, |b| b.woven(Weave::Satin)),
-    ("woven basket", 4, 1.0, |b| b.woven(Weave::Basket)),
-    ("knitted", 1, 1.0, |b| b.knitted()),
-    ("ribbed", 1, 1.0, |b| b.ribbed()),
-    ("looped", 1, 1.0, |b| b.looped()),
-    ("tufted", 1, 1.0, |b| b.tufted()),
-    ("haired", 1, 1.0, |b| b.haired()),
-    ("fibrous", 1, 1.0, |b| b.fibrous()),
-    ("pebbled", 1, 0.5, |b| b.pebbled()),
-    ("porous", 1, 1.0, |b| b.porous()),
-    ("granular", 1, 1.0, |b| b.granular()),
-    ("speckled", 1, 0.0, |b| b.speckled()),
-    ("veined", 1, 0.0, |b| b.veined()),
-    ("grained", 1, 0.5, |b| b.grained()),
+    row("smooth", 1, 0.0, |b| b.smooth()),
+    row("glazed", 1, 0.0, |b| b.glazed()),
+    row("brushed", 1, 0.0, |b| b.brushed()),
+    row("embossed", 2, 0.0, |b| b.embossed()),
+    row("woven plain", 2, 1.0, |b| b.woven(Weave::Plain)),
+    row("woven twill", 4, 1.0, |b| b.woven(Weave::Twill)),
+    row("woven satin", 5, 1.0, |b| b.woven(Weave::Satin)),
+    row("woven basket", 4, 1.0, |b| b.woven(Weave::Basket)),
+    row("knitted", 1, 1.0, |b| b.knitted()),
+    row("ribbed", 1, 1.0, |b| b.ribbed()),
+    row("looped", 1, 1.0, |b| b.looped()),
+    row("tufted", 1, 1.0, |b| b.tufted()),
+    row("haired", 1, 1.0, |b| b.haired()),
+    row("fibrous", 1, 1.0, |b| b.fibrous()),
+    row("pebbled", 1, 0.5, |b| b.pebbled()),
+    row("porous", 1, 1.0, |b| b.porous()),
+    row("granular", 1, 1.0, |b| b.granular()),
+    row("speckled", 1, 0.0, |b| b.speckled()),
+    row("veined", 1, 0.0, |b| b.veined()),
+    row("grained", 1, 0.5, |b| b.grained()),
 ];
 
 impl Structure {
     pub(crate) fn named(name: &str) -> Self {
-        let place = STRUCTURES.iter().position(|row| row.0 == name);
+        let place = STRUCTURES.iter().position(|row| row.name == name);
         Self(place.expect("a structure that there is"))
     }
 
-    /// Threads or motifs after which it repeats.
-    fn threads(self) -> usize {
-        STRUCTURES[self.0].1
+    fn row(self) -> &'static Row {
+        &STRUCTURES[self.0]
     }
 
-    /// How much dye and dirt its hollows hold, 0 to 1.
     pub(crate) fn dirt(self) -> f32 {
-        STRUCTURES[self.0].2
+        self.row().dirt
     }
 }
 
@@ -119,7 +136,7 @@ struct Builder<'a> {
 /// How often the structure repeats in one period.
 pub(crate) fn repeats(parameters: &Parameters) -> usize {
     let exact = TILE_MM / parameters.period_mm;
-    let multiple = parameters.profile.structure.threads();
+    let multiple = parameters.profile.structure.row().threads;
     ((exact / multiple as f64).round() as usize).max(1) * multiple
 }
 
@@ -132,7 +149,7 @@ pub(crate) fn layers(specimen: &Specimen, parameters: &Parameters, n: usize) -> 
         regularity: parameters.regularity as f32,
         stream: &mut stream,
     };
-    let (.., build) = STRUCTURES[parameters.profile.structure.0];
+    let build = parameters.profile.structure.row().build;
     let mut layers = build(&mut builder);
     layers.height.standardise(parameters.relief_mm as f32);
     let micro = Fractal::isotropic(parameters.micro_length_mm / TILE_MM, 0.6);

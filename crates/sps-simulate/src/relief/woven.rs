@@ -138,13 +138,13 @@ mod tests {
             ("woven satin", Weave::Satin, 0.8),
             ("woven basket", Weave::Basket, 0.5),
         ] {
-            let repeat = Structure::named(name).threads();
+            let repeat = Structure::named(name).row().threads;
             let crossings = 0..repeat * repeat;
             let up = crossings.filter(|k| warp_is_up(weave, k / repeat, k % repeat));
             let up = up.count() as f64;
             assert_eq!(up / (repeat * repeat) as f64, share, "{weave:?}");
             let next = warp_is_up(weave, repeat, repeat + 1);
-            assert_eq!(warp_is_up(weave, 0, 1), next);
+            assert_eq!(warp_is_up(weave, 0, 1), next, "{weave:?}");
         }
     }
 }

@@ -13,12 +13,12 @@ use super::Values;
 /// below says how.
 const QUANTILES: &str = include_str!("quantiles.csv");
 
-/// Minimum, quartiles and maximum of each property.
+/// Minimum, quartiles and maximum of each property, as published.
 const PUBLISHED: &str = include_str!("published.csv");
 
 static RESPONSES: LazyLock<Vec<(f64, Values)>> = LazyLock::new(|| table(QUANTILES));
 
-/// Of each property.
+/// Of each property, in the order of [`PUBLISHED`].
 static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| {
     let published = table(PUBLISHED);
     std::array::from_fn(|i| Scale::new(std::array::from_fn(|at| published[at].1[i])))

@@ -253,9 +253,11 @@ fn predictions_are_scikit_learns() {
 fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
     let set = Set::new((30, 4, 3), &[smooth((30, 4, 3))]);
     let values = |factors: [f32; 2]| -> Vec<f32> {
-        let views = set.embeddings.values().chunks(3);
-        let views = views.zip([0, 1].into_iter().cycle());
-        let scaled = views.flat_map(|(row, at)| row.iter().map(move |x| x * factors[at]));
+        let rows = (0..30).flat_map(|s| (0..4).map(move |view| (s, view)));
+        let scaled = rows.flat_map(|(s, view)| {
+            let row = set.embeddings.get(s, view).unwrap();
+            row.iter().map(move |x| x * factors[view % 2])
+        });
         scaled.collect()
     };
     let train = |embeddings: Embeddings, views: &[usize]| {

@@ -10,7 +10,7 @@ use crate::error::{SelectError, require};
 use crate::evaluator::checked_losses;
 use crate::problem::{Problem, Selector};
 use crate::selection::{CurvePoint, Selection};
-use crate::sets::SetList;
+use crate::sets::{SetList, is_distinct};
 use crate::vector::mean;
 
 /// Far beyond what any loss gains from.
@@ -147,7 +147,8 @@ fn sets_of_runs(problem: &Problem<'_>, runs: Range<u64>) -> SetList {
         }
         for view in 0..problem.views() {
             set[last] = view;
-            if problem.allows(&set) {
+            // Asked in place: `Problem::allows` for each set takes 2 % more instructions.
+            if !problem.is_distinct() || is_distinct(&set) {
                 sets.push(&set);
             }
         }

@@ -1,10 +1,11 @@
 //! Fitting, asking, keeping and reading again.
 
-mod support;
-
 use std::fs;
 use std::thread;
 
+use crate::support::{
+    self, Tables, embedder, kernel, photograph, read_again, recipe, refused, ridge,
+};
 use sps_estimator::{
     Answer, Embedder, Estimate, Estimator, Frame, Regression, Scale, Session, Sight, Stacked,
     Widths, photographs_in, radius,
@@ -14,7 +15,6 @@ use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_regress::ridge::Ridge;
 use sps_regress::{AnyRegressor, Estimates, FittedRegressor, Plan, Rerun, Views};
-use support::{Tables, embedder, kernel, photograph, read_again, recipe, refused, ridge};
 
 fn network(views: usize) -> Regression {
     let config = HeadConfig {

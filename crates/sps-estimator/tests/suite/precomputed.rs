@@ -1,11 +1,11 @@
 //! Embeddings that were computed elsewhere: their files, and models that are fitted on them.
 
-mod support;
-
 use std::sync::Arc;
 
+use crate::support::{
+    Tables, block, embedder, npy, photograph, read_again, recipe, refused, ridge,
+};
 use sps_estimator::{Embedder, Estimator, Network, Precomputed};
-use support::{Tables, block, embedder, npy, photograph, read_again, recipe, refused, ridge};
 
 /// `safetensors.numpy.save({"late": [[5], [6]], "early": [[1, 2], [3, 4]]}, {"files": '["a/1.jpg", "a/2.jpg"]'})`
 /// of numpy's f32, but for blanks at the header's end.

@@ -1,14 +1,12 @@
 //! Streams of real photographs, where they are there: of kinds that a model was fitted on, and of one that
 //! was left out.
 
-mod support;
-
 use std::collections::BTreeSet;
 
+use crate::support::{Photographs, about, calibration, examples, kernel};
 use sps_dataset::{Source, Unit, Units};
 use sps_estimator::{Estimator, Recipe, Watch, Widths};
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
-use support::{Photographs, about, calibration, examples, kernel};
 
 struct Streams(Photographs);
 

@@ -1,12 +1,10 @@
 //! What intervals for a new group promise holds where a value grows with its group's size.
 
-mod support;
-
 use std::iter::repeat_n;
 
+use crate::support::{calibration, grouped, uniform};
 use sps_estimator::radius;
 use sps_metrics::Level;
-use support::{calibration, grouped, uniform};
 
 const GROUPS: usize = 40;
 const TRIALS: usize = 3000;

@@ -1,11 +1,9 @@
 //! What p-values and intervals promise, simulated: no encoder, and surfaces that are drawn.
 
-mod support;
-
+use crate::support::{calibration, examples, grouped, ridge, uniform};
 use sps_estimator::{Fitted, Predictions, Recipe, Widths};
 use sps_metrics::Level;
 use sps_regress::{Embeddings, Readings};
-use support::{calibration, examples, grouped, ridge, uniform};
 
 const WIDTH: usize = 6;
 const DRAWS: usize = 1500;

@@ -1,12 +1,10 @@
 //! What photographs are held against where the encoder learned from surfaces.
 
-mod support;
-
 use std::fs;
 
+use crate::support::{self, Tables, about, photograph, recipe, refused, ridge};
 use safetensors::SafeTensors;
 use sps_estimator::{Estimator, Fitted, Session, Sight};
-use support::{Tables, about, photograph, recipe, refused, ridge};
 
 /// 20 of 50 surfaces calibrate; the encoder learned from the others.
 #[test]

@@ -1,13 +1,11 @@
 //! Photographs of eight materials with a measured friction coefficient each, where they are there.
 
-mod support;
-
 use std::collections::BTreeMap;
 
+use crate::support::{Photographs, calibration, examples, ridge, shared};
 use sps_dataset::{Source, Unit, Units};
 use sps_estimator::Recipe;
 use sps_models::encoders::{Encoder, EncoderKind};
-use support::{Photographs, calibration, examples, ridge, shared};
 
 /// The share of pairs that a score puts in order, ties counted half.
 fn auroc(known: &[f64], new: &[f64]) -> f64 {

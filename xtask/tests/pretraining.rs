@@ -189,9 +189,9 @@ fn a_teacher_and_patterns_that_cannot_be_meant_are_refused_by_key() {
     refused(&taught(0.0, 48, 6), "teacher.weight");
     refused(&taught(1.0, 0, 6), "teacher.size");
     refused(&taught(1.0, 48, 0), "patterns.images");
-    let whole = taught(1.0, 48, 6);
-    let unknown = whole.replace("efficientnet-lite-body\"", "vgg\"");
+    let valid = taught(1.0, 48, 6);
+    let unknown = valid.replace("efficientnet-lite-body\"", "vgg\"");
     refused(&unknown, "teacher.encoder");
-    let gone = whole.replace("body.safe", "gone.safe");
+    let gone = valid.replace("body.safe", "gone.safe");
     refused(&gone, "efficientnet-lite-gone");
 }

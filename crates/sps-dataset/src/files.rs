@@ -1,4 +1,4 @@
-//! Reading whole files without trusting their size.
+//! Reading whole files without trusting their size, and what bytes say: text, integers.
 
 use std::fs::File;
 use std::io::{self, Read};

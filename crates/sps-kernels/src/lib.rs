@@ -3,7 +3,7 @@
 //!
 //! - [`network`]: a network as data. Its tensors, multiply-adds and widths follow from the list of its layers.
 //!   [`networks`] has some: SqueezeNet, ResNet, SE-ResNeXt, EfficientNet-Lite, I3D.
-//! - [`inference`]: images to embeddings, in three precisions.
+//! - [`inference`]: images to embeddings, in four precisions.
 //! - [`training`]: a forward pass that is kept, and its backward pass.
 //! - [`Convolution`] and [`MaxPooling`]: one operator on slices, with its gradients.
 //! - [`simd`]: vector code of your own, compiled for each instruction set.

@@ -189,11 +189,17 @@ impl<'a> Part<'a> {
 
     /// Adds the numbers of a tensor of i32 or i64.
     fn add_raw(&mut self) {
-        let words = self.raw.as_chunks().0.iter();
-        let long_words = self.raw.as_chunks().0.iter();
         match self.kind {
-            6 => words.for_each(|word| self.add(i32::from_le_bytes(*word).into())),
-            7 => long_words.for_each(|word| self.add(i64::from_le_bytes(*word))),
+            6 => {
+                for word in self.raw.as_chunks::<4>().0 {
+                    self.add(i32::from_le_bytes(*word).into());
+                }
+            }
+            7 => {
+                for word in self.raw.as_chunks::<8>().0 {
+                    self.add(i64::from_le_bytes(*word));
+                }
+            }
             _ => {}
         }
     }

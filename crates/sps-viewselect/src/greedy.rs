@@ -72,7 +72,7 @@ struct Search<'p, 'l> {
     pair_width: usize,
 }
 
-/// A set, its loss, and for each slot the best views given the other slots.
+/// A set, and for each slot the best views given the other slots.
 struct Optimum {
     set: Vec<usize>,
     best_views: Vec<Vec<usize>>,

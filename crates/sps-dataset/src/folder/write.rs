@@ -8,7 +8,7 @@ use std::time::Duration;
 use rayon::prelude::*;
 use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
-use super::surfaces::read_surfaces;
+use super::surfaces::{check_surface_id, read_surfaces};
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::error::Fault;
 use crate::table::read_table;
@@ -171,6 +171,7 @@ impl Writer<'_> {
         let (format, settings) = (&manifest.tactile, ReadSettings::default());
         let table = read_table(&tactile, format, &read, &manifest, &settings);
         table.map_err(|fault| refused("tactile.csv", fault))?;
+        self.check_numbers()?;
         Ok([
             ("surfaces.csv", surfaces),
             ("tactile.csv", tactile),
@@ -178,13 +179,31 @@ impl Writer<'_> {
         ])
     }
 
-    /// A reader trims ids, control characters too, and skips a line without text; the folders of the
+    /// A reader takes NaN for what was not measured.
+    fn check_numbers(&self) -> Result<(), WriteError> {
+        let table = self.source.tactile();
+        for reading in &table.readings {
+            for (property, value) in table.properties.iter().zip(&reading.values) {
+                if value.is_some_and(f64::is_nan) {
+                    let surface = self.source.surfaces().get(reading.surface);
+                    let id = surface.map_or("", |surface| &surface.id);
+                    let found = format!("a reading: found {property} of `{id}` at NaN");
+                    return Err(self.unsuitable(format!("{found}, expected a number, or none")));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A reader trims white space, line ends too, and skips a line without text; the folders of the
     /// frames have the ids as they are.
     fn check_ids(&self, read: &[Surface]) -> Result<(), WriteError> {
         for (at, surface) in self.source.surfaces().iter().enumerate() {
             if read.get(at).is_none_or(|read| read.id != surface.id) {
                 let found = surface.id.escape_debug();
-                let expected = "a name that neither begins nor ends with white space";
+                let trimmed = "a name that neither begins nor ends with white space";
+                let refused = check_surface_id(&surface.id).err();
+                let expected = refused.map_or(trimmed, |refused| refused.expected);
                 let text = format!("a surface's id: found `{found}`, expected {expected}");
                 return Err(self.unsuitable(text));
             }

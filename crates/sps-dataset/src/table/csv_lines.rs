@@ -25,10 +25,7 @@ pub(crate) fn csv_lines(bytes: &[u8]) -> Result<(Line, Vec<Line>), Fault> {
         .from_reader(text.as_bytes());
     let mut lines = Vec::new();
     for record in reader.records() {
-        let cells = record.map_err(|error| {
-            let line = error.position().map_or(1, csv::Position::line);
-            Fault::malformed("CSV", error).at(Place::Line(line))
-        })?;
+        let cells = record.map_err(|error| Fault::malformed("CSV", error))?;
         let position = cells.position();
         let number = position.map_or(1, |position| line_number(text, position));
         if cells.iter().any(|cell| !cell.is_empty()) {

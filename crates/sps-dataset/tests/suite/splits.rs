@@ -116,12 +116,12 @@ fn leave_one_group_out_holds_each_group_out_once() {
     assert_eq!(aside(splits), [vec![0, 2], vec![1], vec![3]]);
 }
 
-/// Every index of `among` is on one side, and no unit on both; `of` has the unit of each surface.
-fn whole(split: &Split, of: &[usize], among: &[usize]) -> Result<(), TestCaseError> {
+/// Every index of `among` is on one side, and no unit on both; `unit_of` has the unit of each surface.
+fn whole(split: &Split, unit_of: &[usize], among: &[usize]) -> Result<(), TestCaseError> {
     let mut both = [&split.train[..], &split.validation].concat();
     both.sort_unstable();
     prop_assert_eq!(both, among);
-    let unit = |&surface: &usize| of[surface];
+    let unit = |&surface: &usize| unit_of[surface];
     for kept in split.train.iter().map(unit) {
         prop_assert!(split.validation.iter().map(unit).all(|aside| aside != kept));
     }
@@ -138,7 +138,7 @@ proptest! {
         (seed, rerun) in any::<(u64, u64)>(),
     ) {
         let (all, surfaces): (Vec<usize>, _) = ((0..groups.len()).collect(), of_groups(&groups));
-        let of = if by == SURFACE { &all } else { &groups };
+        let unit_of = if by == SURFACE { &all } else { &groups };
         let several = groups.iter().collect::<HashSet<_>>().len() < groups.len();
         let by_group = by == GROUP || (by.is_none() && several);
         let unit = if by_group { Unit::Group } else { Unit::Surface };
@@ -151,7 +151,7 @@ proptest! {
                 continue;
             };
             for split in &splits {
-                whole(split, of, &all)?;
+                whole(split, unit_of, &all)?;
                 prop_assert!(!split.train.is_empty() && !split.validation.is_empty());
             }
             let parts = splits.len();

@@ -382,7 +382,22 @@ fn what_could_not_be_read_again_is_not_written() {
     let message = refused.to_string();
     let expected = "of surface `denim-01` is listed twice, first at line 2";
     assert!(message.ends_with(expected), "{message}");
-    for id in ["", "../denim-01", "denim-01\n", " denim-01", "oak-02"] {
+    let mut source = Counted::new(usize::MAX);
+    source.tactile.readings[0].values[0] = Some(f64::NAN);
+    let refused = write_png(&source, folder.path()).unwrap_err();
+    let message = refused.to_string();
+    assert!(
+        message.ends_with("of `denim-01` at NaN, expected a number, or none"),
+        "{message}"
+    );
+    let twice = "listed twice";
+    for (id, expected) in [
+        ("", "expected a name"),
+        ("../denim-01", "that does not begin with a dot"),
+        ("denim-01\n", "slashes, colons and control characters"),
+        (" denim-01", "neither begins nor ends with white space"),
+        ("oak-02", twice),
+    ] {
         let mut source = Counted::new(usize::MAX);
         let surface = &mut source.surfaces[0];
         surface.id = id.to_owned();
@@ -394,6 +409,9 @@ fn what_could_not_be_read_again_is_not_written() {
         let refused = write_png(&source, folder.path()).unwrap_err();
         let is_unsuitable = matches!(refused.kind(), WriteErrorKind::Unsuitable(_));
         assert!(is_unsuitable, "{id:?}: {refused}");
+        let message = refused.to_string();
+        let says = message.ends_with(expected) || expected == twice && message.contains(twice);
+        assert!(says, "{id:?}: {message}");
     }
     assert!(entries(folder.path()).is_empty());
 }

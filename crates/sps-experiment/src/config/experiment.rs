@@ -39,8 +39,8 @@ pub struct Experiment {
     pub(crate) against: Vec<usize>,
     pub(crate) speed: Option<SpeedConfig>,
     pub(crate) train: TrainConfig,
-    /// Index of the method that is fitted and kept: the last one unless `train` names another.
-    pub(crate) kept: usize,
+    /// Index of the method that is fitted as a model: the one that `train` names, or else the last that is no floor.
+    pub(crate) fitted: usize,
     pub(crate) cache: PathBuf,
     /// What is done of it; all, unless the command line says otherwise.
     pub work: Work,
@@ -94,6 +94,7 @@ impl Experiment {
         if self.against.is_empty() {
             self.against.push(0);
         }
+        self.fitted = place(&self.fitted).unwrap_or_default();
         self.methods = kept.iter().map(|&at| self.methods[at].clone()).collect();
         Ok(())
     }
@@ -122,7 +123,7 @@ impl Experiment {
                 found.collect::<Result<_, _>>()?
             }
         };
-        let kept = match config.train.method.as_str() {
+        let fitted = match config.train.method.as_str() {
             "" => listed - 1,
             id => position("train.method", id)?,
         };
@@ -138,7 +139,7 @@ impl Experiment {
             against,
             speed: speed(layers, config.report.speed)?,
             train: config.train,
-            kept,
+            fitted,
             cache: config.cache.folder,
             work: Work::All,
             description: config.description,

@@ -1,4 +1,5 @@
-//! Layers of TOML, one over the other, read as one value.
+//! Layers of TOML, one over the other, read as one value: what `--set` sets, and the line of the file in which
+//! something is wrong.
 
 use std::fmt;
 use std::ops::Range;

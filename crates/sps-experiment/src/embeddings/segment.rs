@@ -123,7 +123,7 @@ fn ensure_whole(path: &Path, metadata: &Metadata, name: &str, parts: &[&[u8]]) -
     let stored = metadata.metadata().as_ref().and_then(|all| all.get(name));
     ensure!(
         stored == Some(&checksum(parts)),
-        "{}: the {name} does not match its content",
+        "{}: the {name} does not match the file's content",
         path.display()
     );
     Ok(())

@@ -1,4 +1,5 @@
-//! How the intervals fared that came with estimates, and methods that look at no more views than they need.
+//! How intervals fared: those that came with estimates, and those of methods that look at one view after another
+//! ([`AdaptiveResult`]).
 
 use serde::{Deserialize, Serialize};
 use sps_metrics::{Coverage, PredictionInterval, coverage};
@@ -77,19 +78,20 @@ impl AdaptiveResult {
         let stops: Vec<Stop> = method.trials().flat_map(Judged::stops).collect();
         let covered = held(method.outcomes.values().flatten())?;
         let count = stops.len() as f64;
-        let share = |holds: &dyn Fn(&Stop) -> bool| {
-            stops.iter().filter(|stop| holds(stop)).count() as f64 / count
-        };
-        let mean = |of: fn(&Stop) -> f64| stops.iter().map(of).sum::<f64>() / count;
+        let share =
+            |views: usize| stops.iter().filter(|stop| stop.views == views).count() as f64 / count;
+        let widths = stops.iter().map(|stop| stop.width);
+        let widths: Vec<f64> = widths.collect::<Option<_>>()?;
+        let views: f64 = stops.iter().map(|stop| stop.views as f64).sum();
+        let narrow = widths.iter().filter(|width| **width <= asked.width);
         let most = method.all_folds().map(|fold| fold.views.len()).max()?;
-        let shares = (1..=most).map(|views| share(&|stop| stop.views == views));
         Some(Self {
             width: asked.width,
             level: asked.level.get(),
-            mean_views: mean(|stop| stop.views as f64),
-            share_of_views: shares.collect(),
-            narrow: share(&|stop| stop.width.is_some_and(|width| width <= asked.width)),
-            mean_width: mean(|stop| stop.width.unwrap_or_default()),
+            mean_views: views / count,
+            share_of_views: (1..=most).map(share).collect(),
+            narrow: narrow.count() as f64 / count,
+            mean_width: widths.iter().sum::<f64>() / count,
             coverage: covered.fraction(),
         })
     }

@@ -34,8 +34,10 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
             alike.push(value);
         }
         let all = mean(&all);
+        let of_material = of_material.iter();
+        let of_material: HashMap<_, _> = of_material.map(|(name, of)| (*name, mean(of))).collect();
         let estimate = |&surface: &usize| match of_material.get(material(surface)) {
-            Some(values) if by_label => mean(values),
+            Some(&value) if by_label => value,
             // That of all where no training surface is of the material.
             _ => all,
         };

@@ -1,4 +1,4 @@
-//! What selectors found, and how that compares with what others did.
+//! What selectors found, and how much worse that is than what an exhaustive search found.
 
 use std::collections::BTreeMap;
 

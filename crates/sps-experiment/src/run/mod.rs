@@ -87,7 +87,7 @@ fn finish(
     // Only an experiment that can be run changes the folder.
     let prepared = Prepared::new(experiment, source, &about)?;
     if let Some(merged) = merged {
-        merged.ensure_same(experiment, &provenance::data_hash(source, &about)?)?;
+        merged.ensure_ended(experiment, &provenance::data_hash(source, &about)?)?;
     }
     let folder = RunFolder::open(folder, fresh)?;
     if fresh {

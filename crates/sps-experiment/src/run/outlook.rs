@@ -36,7 +36,7 @@ pub fn outlook(experiment: &Experiment, folder: &Path, shard: Option<Shard>) -> 
         properties: tables::properties(source.as_ref(), &experiment.properties)?.len(),
         encoders: Vec::new(),
     };
-    let methods = prepared.with_encoders(&dealt, |encoded| looking.seen(encoded))?;
+    let methods = prepared.with_encoders(&dealt, |encoded| looking.of_encoder(encoded))?;
     let head = ["method", "done", "missing", "views selected", "missing"].map(str::to_owned);
     let lines = methods.iter().map(|(id, counts)| {
         let selects = counts[2..] != [0, 0];
@@ -96,8 +96,9 @@ struct Looking {
 }
 
 impl Looking {
-    /// The methods of an encoder, by their ids.
-    fn seen(&mut self, encoded: &Encoded<'_, '_>) -> Result<Vec<(String, Counts)>> {
+    /// What is done and missing of each method of an encoder, with the method's id; adds to `encoders` what the
+    /// encoder has yet to do.
+    fn of_encoder(&mut self, encoded: &Encoded<'_, '_>) -> Result<Vec<(String, Counts)>> {
         let methods = encoded.methods.iter().enumerate().map(|(at, method)| {
             let all = self.properties * encoded.dealt.splits_of(at).len();
             let selects = matches!(method.looks, Looks::Selected(_));

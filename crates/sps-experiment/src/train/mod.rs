@@ -51,7 +51,7 @@ pub struct Trained {
 pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
     let (source, about) = data::open(&experiment.data)?;
     let source = source.as_ref();
-    let method = experiment.methods[experiment.kept].on(source)?;
+    let method = experiment.methods[experiment.fitted].on(source)?;
     ensure!(
         !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
         "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
@@ -100,7 +100,7 @@ pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
 
 /// Which method [`train`] fits, why, and how another is chosen.
 pub fn which(experiment: &Experiment) -> String {
-    let id = &experiment.methods[experiment.kept].id;
+    let id = &experiment.methods[experiment.fitted].id;
     let kept = |method: &&Method| method.estimator.regression().is_some() && method.id != *id;
     let others = experiment.methods.iter().filter(kept);
     let others: Vec<&str> = others.map(|method| method.id.as_str()).collect();

@@ -33,13 +33,15 @@ impl OfSplit<'_> {
 
 impl HeldOuts {
     pub(super) fn add(&mut self, of: OfSplit<'_>, predictions: &Predictions) -> Result<()> {
-        let all = &predictions.properties;
-        if self.0.is_empty() {
-            self.0.resize_with(all.len(), Default::default);
-        }
-        for ((property, held_out), predicted) in self.0.iter_mut().zip(all) {
-            property.clone_from(&predicted.property);
-            held_out.add(of, predicted)?;
+        for predicted in &predictions.properties {
+            let mut known = self.0.iter();
+            let place = known.position(|(property, _)| *property == predicted.property);
+            let place = place.unwrap_or_else(|| {
+                self.0
+                    .push((predicted.property.clone(), HeldOut::default()));
+                self.0.len() - 1
+            });
+            self.0[place].1.add(of, predicted)?;
         }
         Ok(())
     }

@@ -145,14 +145,12 @@ impl<W: Word> Panels<W> {
     ) -> Vec<Panels> {
         let mut all = vec![Panels::resized(self.level, k, self.n); count];
         let lanes = self.level.lanes();
-        // Of each matrix, its panels that were not yet handed out.
-        let rests = all.iter_mut().map(|panels| panels.parts().into_iter());
-        let mut rests: Vec<_> = rests.collect();
-        let mut made = Vec::new();
-        for panel in self.all().iter() {
-            let parts = rests.iter_mut().filter_map(Iterator::next);
-            let parts: Vec<&mut [f32]> = parts.map(|(.., memory)| memory).collect();
-            made.push((panel, parts));
+        let own = self.all();
+        let mut made: Vec<_> = own.iter().map(|panel| (panel, Vec::new())).collect();
+        for panels in &mut all {
+            for ((_, parts), (.., memory)) in made.iter_mut().zip(panels.parts()) {
+                parts.push(memory);
+            }
         }
         let make = |(panel, mut parts): (Panel<'_, W>, Vec<_>)| {
             make(&panel.numbers(panel.vectors * lanes), &mut parts);

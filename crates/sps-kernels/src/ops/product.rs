@@ -256,7 +256,7 @@ pub(crate) fn product_of_rows(x: &[f32], panels: &Panels, epilogue: Epilogue<'_>
     out
 }
 
-/// Has all threads of the pool write some columns each. The matrices, of which there is at least one, have as many
+/// Has all threads of the pool write some columns each. The matrices, at least one, all have the same number of
 /// columns and are cut alike: `write` is handed those columns of each, and fills a block of their own, whose rows begin
 /// where it is told.
 pub(super) fn write_shared<W: Word, P: Word>(

@@ -61,7 +61,7 @@ use crate::error::{Error, Result};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Head(HeadConfig);
 
-/// Hears of the progress of a training; calls come from several threads.
+/// Hears of the trials that a training has finished, and may stop it; calls come from several threads.
 pub trait Observer: Sync {
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
     /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`].

@@ -122,11 +122,11 @@ impl TrainedHead {
         let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
         let inputs = self.dims.slots * self.dims.width;
         let mut estimates = Vec::with_capacity(surfaces.len());
-        let (input, seen) = (&config.input, &self.statistics);
+        let (input, statistics) = (&config.input, &self.statistics);
         for some in surfaces.chunks(ROWS) {
             let mut visual = Vec::with_capacity(ROWS * inputs);
             for &surface in some {
-                seen.push_seen(input, embeddings, surface, &views, &mut visual);
+                statistics.push_seen(input, embeddings, surface, &views, &mut visual);
             }
             visual.resize(ROWS * inputs, 0.0);
             let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;

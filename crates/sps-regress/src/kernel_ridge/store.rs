@@ -69,7 +69,7 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         let numbers = numbers.chain(coefficients).chain([&fit.intercept]);
         check_finite(FILE.what, numbers.copied())?;
     }
-    // Their training surfaces are named below.
+    // `support` is set below, where the regressions that share one stand together.
     let stored = |ridge: &TrainedKernelRidge| {
         let usual = usual(ridge.support.proximity);
         Stored {

@@ -43,6 +43,7 @@ pub(super) fn to_bytes(models: &[TrainedNearest]) -> Result<Vec<u8>> {
     let readings = models.iter().flat_map(|one| &one.values);
     check_finite(FILE.what, readings.copied())?;
     let sets = sharing(models.iter().map(|one| &one.embeddings));
+    // `set` is set below, where the models that share one stand together.
     let stored = |one: &TrainedNearest| Stored {
         trial: one.trial.clone(),
         set: 0,

@@ -22,7 +22,7 @@ pub(super) fn figures(results: &Results, all: &[Estimates<'_>]) -> Vec<Figure> {
     figures.into_iter().flatten().collect()
 }
 
-/// With the colour that it has in both figures.
+/// A method's estimates, with their colour in both figures.
 type Coloured<'a> = (&'a Estimates<'a>, &'static str);
 
 fn coverage(results: &Results, all: &[Coloured<'_>]) -> Option<Figure> {
@@ -31,18 +31,19 @@ fn coverage(results: &Results, all: &[Coloured<'_>]) -> Option<Figure> {
     // Where both axes say the same.
     let diagonal = line([(0.0, 0.0), (1.0, 1.0)], "#777777", 1.0);
     let mut plots = vec![Plot::Line(diagonal.with_dashed())];
-    for (of, colour) in all {
-        let held = halves::held(&of.predictions, &levels);
+    for (estimates, colour) in all {
+        let held = halves::held(&estimates.predictions, &levels);
         if held.is_empty() {
             continue;
         }
         let held = held.into_iter().map(|(level, share)| (level.get(), share));
         let line = line(held, colour, 1.4);
-        plots.push(Plot::Line(line.with_legend(of.method.label.as_str())));
+        let legend = estimates.method.label.as_str();
+        plots.push(Plot::Line(line.with_legend(legend)));
     }
     let own = all
         .iter()
-        .filter_map(|&(of, colour)| promised(of.method, colour));
+        .filter_map(|&(estimates, colour)| promised(estimates.method, colour));
     plots.extend(own.map(Plot::Scatter));
     if plots.len() == 1 {
         return None;
@@ -94,13 +95,13 @@ const BINS: usize = 10;
 
 fn widths(all: &[Coloured<'_>]) -> Option<Figure> {
     let mut plots = Vec::new();
-    for &(of, colour) in all {
-        let bins = bins(&of.predictions);
+    for &(estimates, colour) in all {
+        let bins = bins(&estimates.predictions);
         if bins.is_empty() {
             continue;
         }
         let line = line(bins.iter().copied(), colour, 1.2);
-        let line = line.with_legend(of.method.label.as_str());
+        let line = line.with_legend(estimates.method.label.as_str());
         let marks = ScatterPlot::new()
             .with_data(bins.iter().copied())
             .with_color(colour)

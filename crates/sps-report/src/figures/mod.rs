@@ -38,7 +38,8 @@ pub(crate) struct Figure {
     pub svg: String,
 }
 
-/// The figures, in the order of the report; `estimates` are those that there are, of the best method first.
+/// The figures, in the order of the report; `estimates` are those of the methods whose single estimates are shown,
+/// the best method first.
 pub(crate) fn figures(results: &Results, estimates: &[Estimates<'_>]) -> Vec<Figure> {
     let mut figures = vec![heat::figure(results)];
     figures.extend(speed_error::figure(results));

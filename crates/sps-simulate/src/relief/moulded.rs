@@ -43,8 +43,8 @@ impl Builder<'_> {
 
     /// Parallel scratches over a faint waviness.
     pub(super) fn brushed(&mut self) -> Layers {
-        let upright = self.stream.chance(0.5);
-        let direction = if upright { 0.0 } else { FRAC_PI_2 };
+        let level = self.stream.chance(0.5);
+        let direction = if level { 0.0 } else { FRAC_PI_2 };
         let direction = direction + 0.03 * (self.stream.unit() - 0.5);
         let scratch = Fractal::isotropic(0.08 / self.count as f64, 0.5);
         let (height, streaks) = self.fields(scratch.stretched(60.0, direction));

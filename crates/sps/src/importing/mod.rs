@@ -17,7 +17,7 @@ use sps_dataset::{
 };
 use sps_estimator::Precomputed;
 
-use self::photographs::{Folder, Photograph, ensure_some};
+use self::photographs::{Folder, Photograph, refuse_empty};
 use self::surfaces::{Finder, Imported};
 use self::table::{Column, Key, Table};
 
@@ -104,7 +104,7 @@ pub struct Listed {
 /// All photographs below a folder, by name; at least one.
 pub(crate) fn photographs_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let photographs = Folder::open(folder, &[])?.others(&BTreeSet::new())?;
-    ensure_some(folder, photographs.is_empty())?;
+    refuse_empty(folder, photographs.is_empty())?;
     Ok(photographs.iter().map(|path| folder.join(path)).collect())
 }
 

@@ -113,7 +113,7 @@ impl Folder {
                 }
             }
         }
-        ensure_some(&self.named.join(below), names.is_empty())?;
+        refuse_empty(&self.named.join(below), names.is_empty())?;
         Ok(names)
     }
 
@@ -139,7 +139,7 @@ impl Folder {
 }
 
 /// Refuses a folder in which no photograph was found.
-pub(super) fn ensure_some(folder: &Path, is_empty: bool) -> Result<()> {
+pub(super) fn refuse_empty(folder: &Path, is_empty: bool) -> Result<()> {
     let (folder, endings) = (folder.display(), PHOTOGRAPH_ENDINGS.join(", "));
     ensure!(
         !is_empty,

@@ -49,14 +49,15 @@ async fn serve(model: Estimator, settings: Settings, address: SocketAddr) -> Res
     let watched = Arc::new(GracefulShutdown::new());
     let accepting = tokio::spawn(accept(listener, http, app, watched.clone()));
     told.await;
-    accepting.abort();
-    let _ = accepting.await;
+    // Answers are finished even where a second signal, which ends at once, cannot be listened for.
     if let Ok(again) = told_to_end() {
         tokio::spawn(async move {
             again.await;
             std::process::exit(1);
         });
     }
+    accepting.abort();
+    let _ = accepting.await;
     // Nothing else holds it once no more connections come.
     if let Some(connections) = Arc::into_inner(watched) {
         connections.shutdown().await;

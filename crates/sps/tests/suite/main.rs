@@ -9,6 +9,7 @@ mod compare;
 mod errors;
 mod experiment;
 mod faults;
+mod help;
 mod importing;
 mod multi_view;
 mod own_photographs;

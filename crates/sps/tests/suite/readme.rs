@@ -1,4 +1,4 @@
-//! What the program says of itself, and the program in README.md, which is one that runs.
+//! The program in README.md is one that runs.
 
 use std::fs;
 
@@ -29,16 +29,4 @@ fn the_program_of_the_readme_runs() {
     }
     let said = Command::new(built).current_dir(scratch.path(".")).said();
     expect(&said, "sliding resistance");
-}
-
-#[test]
-fn examples_say_what_to_type() {
-    let commands = "fit predict map suggest serve experiment compare simulate import inspect embed \
-        report list completions man";
-    let scratch = Scratch::empty();
-    for command in commands.split(' ') {
-        let text = scratch.sps(&format!("{command} --help")).said();
-        expect(&text, &format!("Usage: sps {command} ; \n  sps {command} "));
-        assert!(!text.contains("cargo xtask"), "{text}");
-    }
 }

@@ -10,16 +10,16 @@ use crate::config::Experiment;
 use crate::run::folder::RunFolder;
 use crate::work::Shard;
 
-/// All shards of an experiment, ended, and the runs that they are below.
+/// All shards of an experiment, and the runs that they are below.
 pub(in crate::run) struct Merged {
     runs: Vec<PathBuf>,
-    shards: Vec<(OfShard, Manifest)>,
+    shards: Vec<OfShard>,
 }
 
 impl Merged {
-    /// Those below some runs; shards that are at work are waited for.
+    /// Those below some runs.
     pub(in crate::run) fn of(runs: &[PathBuf]) -> Result<Self> {
-        let mut found = Vec::new();
+        let mut shards = Vec::new();
         for run in runs {
             let below = folders(run)?;
             ensure!(
@@ -27,27 +27,23 @@ impl Merged {
                 "--merge {}: no shards here; `--shard K/N --out {0}` makes them",
                 run.display()
             );
-            found.extend(below);
+            shards.extend(below);
         }
-        ensure_complete(&found)?;
-        let shards = found.into_iter().map(|one| {
-            let manifest = ended(&one)?;
-            Ok((one, manifest))
-        });
+        ensure_complete(&shards)?;
         Ok(Self {
             runs: runs.to_vec(),
-            shards: shards.collect::<Result<_>>()?,
+            shards,
         })
     }
 
-    /// That they are of this experiment, on this data.
-    pub(in crate::run) fn ensure_same(
+    /// That they have ended, and are of this experiment, on this data; shards that are at work are waited for.
+    pub(in crate::run) fn ensure_ended(
         &self,
         experiment: &Experiment,
         data_hash: &blake3::Hash,
     ) -> Result<()> {
-        for (one, manifest) in &self.shards {
-            if let Some(other) = manifest.other_than(experiment, data_hash)? {
+        for one in &self.shards {
+            if let Some(other) = ended(one)?.other_than(experiment, data_hash)? {
                 bail!("{} is of {other}", named(one));
             }
         }
@@ -56,7 +52,7 @@ impl Merged {
 
     /// The folders of the runs and of the shards.
     pub(in crate::run) fn folders(&self) -> impl Iterator<Item = &PathBuf> {
-        let shards = self.shards.iter().map(|(one, _)| &one.path);
+        let shards = self.shards.iter().map(|one| &one.path);
         self.runs.iter().chain(shards)
     }
 }

@@ -68,7 +68,8 @@ fn a_misspelt_key_is_refused_at_every_level() {
 
 #[test]
 fn each_value_out_of_range_is_named() {
-    // Most are named by what stands before the first ` = `. Those of Adam are in `optim/tests.rs`.
+    // Most are named by what stands before the first ` = `. Of Adam's settings one
+    // stands for all; the others are in `optim/tests.rs`.
     let named = |text: &'static str| (text, text.split(" = ").next().unwrap());
     let simple = [
         "epochs = 0",

@@ -80,7 +80,7 @@ fn a_stack_in_which_all_have_diverged_ends() {
         assert!(reason.starts_with("the loss is "), "{reason}");
         assert!(reason.ends_with(" in epoch 1"), "{reason}");
     }
-    assert_eq!(record.epochs.into_inner(), 1);
+    assert_eq!(record.asked.into_inner(), 1);
     // Who takes any estimator has a model for every trial, or an error that names the one without.
     let fitted = sps_regress::Regressor::fit(&head, &set.data(), &set.plan(1));
     golden::refused(fitted, "p0, rerun 0: the loss is ");

@@ -96,8 +96,9 @@ impl Set {
 /// What an observer hears.
 #[derive(Default)]
 pub(super) struct Record {
-    /// Epochs that a stack has asked for.
-    pub(super) epochs: AtomicUsize,
+    /// How often a stack has asked whether to stop: once before each of its epochs.
+    pub(super) asked: AtomicUsize,
+    /// How many of these questions are answered with no; all, where there is none.
     pub(super) stops_after: Option<usize>,
     pub(super) diverged: Mutex<Vec<DivergedTrial>>,
     pub(super) finished: Mutex<Vec<Trial>>,
@@ -105,8 +106,8 @@ pub(super) struct Record {
 
 impl Observer for Record {
     fn stops(&self) -> bool {
-        let done = self.epochs.fetch_add(1, Ordering::Relaxed);
-        self.stops_after.is_some_and(|most| done >= most)
+        let before = self.asked.fetch_add(1, Ordering::Relaxed);
+        self.stops_after.is_some_and(|most| before >= most)
     }
 
     fn finished(&self, heads: &TrainedHeads) {

@@ -104,9 +104,13 @@ impl<'a> Plain<'a> {
     /// Convolution with its bias or its batch norm.
     fn conv(&self, conv: &Conv, x: &Tensor) -> Result<Tensor> {
         let window = conv.slide.window(extents(x)?);
-        let (x, padding) = padded(x, &window)?;
         let weight = self.tensor(&conv.name, "weight")?;
-        let y = x.conv2d(weight, padding, window.stride[1], 1, conv.groups)?;
+        let y = if weight.dim(1)? == 1 && conv.groups > 1 {
+            depthwise(&pad(x, &window)?, weight, &window)?
+        } else {
+            let (x, padding) = padded(x, &window)?;
+            x.conv2d(weight, padding, window.stride[1], 1, conv.groups)?
+        };
         match &conv.norm {
             Some(norm) => self.batch_norm(&y, norm),
             None => Ok(y.broadcast_add(&self.row(&conv.name, "bias")?)?),
@@ -216,6 +220,35 @@ fn pad(x: &Tensor, window: &Window) -> Result<Tensor> {
     Ok(x.pad_with_zeros(3, window.before[2], window.after[2])?)
 }
 
+/// So many rows or columns, `stride` apart, from `first` on; beyond the edge the last one again.
+fn every(x: &Tensor, dim: usize, (first, stride): (usize, usize), count: usize) -> Result<Tensor> {
+    let last = x.dim(dim)? - 1;
+    let places = (0..count).map(|i| (first + i * stride).min(last) as u32);
+    Ok(x.index_select(&Tensor::from_iter(places, x.device())?, dim)?)
+}
+
+/// Depth-wise convolution of a padded map. Candle's own goes through the channels one by one, hundreds of them, and asks
+/// the machine for its number of cores each time.
+fn depthwise(x: &Tensor, weight: &Tensor, window: &Window) -> Result<Tensor> {
+    let (channels, _, height, width) = weight.dims4()?;
+    let ([_, down, right], [_, rows, columns]) = (window.stride, extents(x)?);
+    let count = [(rows - height) / down + 1, (columns - width) / right + 1];
+    let mut sum: Option<Tensor> = None;
+    for row in 0..height {
+        let rows = every(x, 2, (row, down), count[0])?;
+        for column in 0..width {
+            let pixels = every(&rows, 3, (column, right), count[1])?;
+            let weight = weight.narrow(2, row, 1)?.narrow(3, column, 1)?;
+            let product = pixels.broadcast_mul(&weight.reshape((1, channels, 1, 1))?)?;
+            sum = Some(match sum {
+                Some(sum) => (sum + product)?,
+                None => product,
+            });
+        }
+    }
+    Ok(sum.unwrap_or_else(|| x.clone()))
+}
+
 /// Max pooling along one axis to `count` places by a window of such a size and stride, by operators
 /// that have gradients where windows overlap: candle's max pooling has none. What hangs over the
 /// edge sees the last row.
@@ -225,12 +258,9 @@ fn largest_of_rows(
     (window, stride): (usize, usize),
     count: usize,
 ) -> Result<Tensor> {
-    let extent = x.dim(dim)?;
     let mut largest: Option<Tensor> = None;
     for offset in 0..window {
-        let rows = (0..count).map(|i| (i * stride + offset).min(extent - 1) as u32);
-        let rows = Tensor::from_iter(rows, x.device())?;
-        let rows = x.index_select(&rows, dim)?;
+        let rows = every(x, dim, (offset, stride), count)?;
         largest = Some(match largest {
             Some(largest) => largest.maximum(&rows)?,
             None => rows,

@@ -1,5 +1,6 @@
 //! What a measurement was made with.
 
+use std::fs;
 use std::process::Command;
 
 use anyhow::{Context, Result};
@@ -23,7 +24,7 @@ pub(crate) struct Machine {
 impl Machine {
     pub(crate) fn here() -> Result<Self> {
         Ok(Self {
-            processor: processor(),
+            processor: processor() + &generation(),
             cores: std::thread::available_parallelism()?.get(),
             vectors: vectors().to_owned(),
             rustc: version("rustc", "-V").context("cannot run `rustc -V`")?,
@@ -50,6 +51,20 @@ impl Machine {
         let (one, two) = (of(self), of(other));
         (one != two).then(|| format!("the baseline is of {one}, here are {two}"))
     }
+}
+
+/// Family and model, where the system tells: virtual machines call processors of several generations by one name, one
+/// twice as fast as another.
+fn generation() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let told = ["cpu family", "model"].map(|wanted| {
+        let mut lines = text.lines().filter_map(|line| line.split_once(':'));
+        let number = lines.find(|(key, _)| key.trim() == wanted);
+        number.map_or_else(String::new, |(_, number)| {
+            format!(", {wanted} {}", number.trim())
+        })
+    });
+    told.concat()
 }
 
 /// The first line that `program` prints; none where it cannot be run.

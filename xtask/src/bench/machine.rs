@@ -1,11 +1,10 @@
 //! What a measurement was made with.
 
-use std::fs;
 use std::process::Command;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
-use sps_experiment::machine::processor;
+use sps_experiment::machine::{processor, processor_info};
 
 /// What numbers depend on beside the code.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,7 +23,7 @@ pub(crate) struct Machine {
 impl Machine {
     pub(crate) fn here() -> Result<Self> {
         Ok(Self {
-            processor: processor() + &generation(),
+            processor: processor_model(),
             cores: std::thread::available_parallelism()?.get(),
             vectors: vectors().to_owned(),
             rustc: version("rustc", "-V").context("cannot run `rustc -V`")?,
@@ -53,18 +52,12 @@ impl Machine {
     }
 }
 
-/// Family and model, where the system tells: virtual machines call processors of several generations by one name, one
-/// twice as fast as another.
-fn generation() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let told = ["cpu family", "model"].map(|wanted| {
-        let mut lines = text.lines().filter_map(|line| line.split_once(':'));
-        let number = lines.find(|(key, _)| key.trim() == wanted);
-        number.map_or_else(String::new, |(_, number)| {
-            format!(", {wanted} {}", number.trim())
-        })
-    });
-    told.concat()
+/// The processor's name, family and model: virtual machines give several generations one name, and one may be twice as
+/// fast as another.
+fn processor_model() -> String {
+    let numbers = ["cpu family", "model"].into_iter();
+    let numbers = numbers.filter_map(|key| Some(format!(", {key} {}", processor_info(key)?)));
+    processor() + &numbers.collect::<String>()
 }
 
 /// The first line that `program` prints; none where it cannot be run.

@@ -220,24 +220,30 @@ fn pad(x: &Tensor, window: &Window) -> Result<Tensor> {
     Ok(x.pad_with_zeros(3, window.before[2], window.after[2])?)
 }
 
-/// So many rows or columns, `stride` apart, from `first` on; beyond the edge the last one again.
-fn every(x: &Tensor, dim: usize, (first, stride): (usize, usize), count: usize) -> Result<Tensor> {
+/// `count` rows or columns, the first of them `first` and each `stride` after the one before it; beyond the edge, the last
+/// one again.
+fn strided(
+    x: &Tensor,
+    dim: usize,
+    (first, stride): (usize, usize),
+    count: usize,
+) -> Result<Tensor> {
     let last = x.dim(dim)? - 1;
     let places = (0..count).map(|i| (first + i * stride).min(last) as u32);
     Ok(x.index_select(&Tensor::from_iter(places, x.device())?, dim)?)
 }
 
-/// Depth-wise convolution of a padded map. Candle's own goes through the channels one by one, hundreds of them, and asks
-/// the machine for its number of cores each time.
+/// Depth-wise convolution of a padded map, a window's pixel at a time. Candle's own computes hundreds of channels one by
+/// one, and reads the machine's number of cores from a file for each.
 fn depthwise(x: &Tensor, weight: &Tensor, window: &Window) -> Result<Tensor> {
     let (channels, _, height, width) = weight.dims4()?;
     let ([_, down, right], [_, rows, columns]) = (window.stride, extents(x)?);
     let count = [(rows - height) / down + 1, (columns - width) / right + 1];
     let mut sum: Option<Tensor> = None;
     for row in 0..height {
-        let rows = every(x, 2, (row, down), count[0])?;
+        let rows = strided(x, 2, (row, down), count[0])?;
         for column in 0..width {
-            let pixels = every(&rows, 3, (column, right), count[1])?;
+            let pixels = strided(&rows, 3, (column, right), count[1])?;
             let weight = weight.narrow(2, row, 1)?.narrow(3, column, 1)?;
             let product = pixels.broadcast_mul(&weight.reshape((1, channels, 1, 1))?)?;
             sum = Some(match sum {
@@ -260,7 +266,7 @@ fn largest_of_rows(
 ) -> Result<Tensor> {
     let mut largest: Option<Tensor> = None;
     for offset in 0..window {
-        let rows = every(x, dim, (offset, stride), count)?;
+        let rows = strided(x, dim, (offset, stride), count)?;
         largest = Some(match largest {
             Some(largest) => largest.maximum(&rows)?,
             None => rows,

@@ -42,16 +42,16 @@ pub(super) fn draw(
     let mut picture = Picture::new(photograph.width + legend.width(), height);
     let rows = windows(map, 0, photograph.height, (map.rows, map.columns));
     let columns = windows(map, 1, photograph.width, (map.columns, 1));
+    let colours: Vec<[f32; 3]> = places.iter().map(|place| scale.colour(place[0])).collect();
     for (y, row) in rows.into_iter().enumerate() {
         for (x, column) in columns.iter().enumerate() {
             let bare = grey(photograph, x, y);
             let colour = row.zip(*column).map_or([bare; 3], |(row, column)| {
-                let [value, _, _, familiar] = places[row * map.columns + column];
-                if familiar <= wanted.unfamiliar && (x + y) % HATCHING == 0 {
+                let place = row * map.columns + column;
+                if places[place][3] <= wanted.unfamiliar && (x + y) % HATCHING == 0 {
                     return [0.0; 3];
                 }
-                let colour = scale.colour(value);
-                colour.map(|c| COLOUR * c + (1.0 - COLOUR) * bare)
+                colours[place].map(|c| COLOUR * c + (1.0 - COLOUR) * bare)
             });
             picture.set(x, y, colour.map(byte));
         }

@@ -235,8 +235,9 @@ fn nvs() -> Nvs {
 
 /// Three of twenty views, where a set's loss costs next to nothing.
 fn search(selector: impl Selector + 'static) -> Pass {
-    let loss = SetFunction::new(20, 3, |set: &[usize]| {
-        set.iter().map(|&view| (view as f64 - 7.0).powi(2)).sum()
+    let loss = SetFunction::new(20, 3, |set: &[usize]| match *set {
+        [a, b, c] => (a * b + c) as f64,
+        _ => f64::NAN,
     });
     pass(move || selector.select(&Problem::new(&loss)?))
 }

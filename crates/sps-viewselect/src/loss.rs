@@ -78,14 +78,9 @@ impl<F: Fn(&[usize]) -> f64 + Sync> SetLoss for SetFunction<F> {
     }
 
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        ask(&self.function, sets, losses);
+        for (set, loss) in sets.iter().zip(losses) {
+            *loss = (self.function)(set);
+        }
         Ok(())
-    }
-}
-
-/// Not generic, so that it is compiled here, as fast as this crate is.
-fn ask(function: &dyn Fn(&[usize]) -> f64, sets: Sets<'_>, losses: &mut [f64]) {
-    for (set, loss) in sets.iter().zip(losses) {
-        *loss = function(set);
     }
 }

@@ -235,9 +235,6 @@ fn nvs() -> Nvs {
 
 /// Three of twenty views, where a set's loss costs next to nothing.
 fn search(selector: impl Selector + 'static) -> Pass {
-    let loss = SetFunction::new(20, 3, |set: &[usize]| match *set {
-        [a, b, c] => (a * b + c) as f64,
-        _ => f64::NAN,
-    });
+    let loss = SetFunction::new(20, 3, |set: &[usize]| (set[0] * set[1] + set[2]) as f64);
     pass(move || selector.select(&Problem::new(&loss)?))
 }

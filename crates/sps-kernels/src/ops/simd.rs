@@ -175,6 +175,7 @@ impl Level {
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Portable => kernel.run(Scalar128b),
+            // A second `kernel.run(Scalar128b)` would be inlined, thus compiled, a second time.
             #[cfg(test)]
             Self::Tiles => Self::Portable.run(kernel),
             #[cfg(target_arch = "x86_64")]

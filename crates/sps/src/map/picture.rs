@@ -48,7 +48,8 @@ pub(super) fn draw(
             let bare = grey(photograph, x, y);
             let colour = row.zip(*column).map_or([bare; 3], |(row, column)| {
                 let place = row * map.columns + column;
-                if places[place][3] <= wanted.unfamiliar && (x + y) % HATCHING == 0 {
+                let [.., familiar] = places[place];
+                if familiar <= wanted.unfamiliar && (x + y) % HATCHING == 0 {
                     return [0.0; 3];
                 }
                 colours[place].map(|c| COLOUR * c + (1.0 - COLOUR) * bare)

@@ -24,6 +24,9 @@ batch-size = 8
 validation = 0.2
 ";
 
+/// An encoder of a quarter of the default's weights.
+const SMALL: &str = "encoder = \"squeezenet1-1\"\n";
+
 /// `pretrain` in a folder of its own, with settings before those of the config, and tables after them.
 fn pretrain(folder: &Path, settings: &str, tables: &str) -> Command {
     fs::create_dir_all(folder).unwrap();
@@ -61,10 +64,10 @@ fn runs(folder: &Path) -> Vec<PathBuf> {
 fn pretraining_that_was_killed_ends_with_the_same_weights() {
     let scratch = tempfile::tempdir().unwrap();
     let (through, killed) = (scratch.path().join("a"), scratch.path().join("b"));
-    assert!(pretrain(&through, "", "").status().unwrap().success());
+    assert!(pretrain(&through, SMALL, "").status().unwrap().success());
     let expected = fs::read(through.join("weights.safetensors")).unwrap();
 
-    let mut child = pretrain(&killed, "", "").spawn().unwrap();
+    let mut child = pretrain(&killed, SMALL, "").spawn().unwrap();
     let begun = || {
         runs(&killed)
             .iter()
@@ -75,7 +78,7 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
     }
     let _ = child.kill();
     child.wait().unwrap();
-    assert!(pretrain(&killed, "", "").status().unwrap().success());
+    assert!(pretrain(&killed, SMALL, "").status().unwrap().success());
     assert!(fs::read(killed.join("weights.safetensors")).unwrap() == expected);
 
     let (_, header) = safetensors::SafeTensors::read_metadata(&expected).unwrap();
@@ -149,7 +152,7 @@ fn an_encoder_learns_patterns_and_what_a_teacher_sees() {
     let scratch = tempfile::tempdir().unwrap();
     let weights = |folder: &str, tables: &str, threads: &str| {
         let folder = scratch.path().join(folder);
-        let mut command = pretrain(&folder, "", tables);
+        let mut command = pretrain(&folder, SMALL, tables);
         command.env("RAYON_NUM_THREADS", threads);
         assert!(command.status().unwrap().success());
         fs::read(folder.join("weights.safetensors")).unwrap()

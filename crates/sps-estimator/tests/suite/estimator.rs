@@ -72,7 +72,7 @@ fn every_regression_is_read_again_to_the_bit() {
         assert_eq!(again.about(), estimator.about());
         let encoder = again.embedder().network().encoder().unwrap();
         assert_eq!(*encoder.depths(), Depths::All);
-        assert_eq!(encoder.blocks().len(), 7);
+        assert_eq!(encoder.blocks().len(), 8);
         let asked = photographs(97, &[1, 0]);
         let answer = estimator.predict(&asked).unwrap();
         assert_eq!(again.predict(&asked).unwrap(), answer, "{kind}");

@@ -46,7 +46,7 @@ pub(crate) fn embedder() -> Embedder {
 }
 
 pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 3).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::SqueezeNet1_1, 3).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
     Embedder::new(Network::Images(encoder), resize).unwrap()
 }

@@ -9,7 +9,7 @@ use sps_models::encoders::{Encoder, EncoderKind};
 /// A line for each: the file, what stands there, what is put there, and what the message of `experiment` has.
 const EDITED: &str = r#"
 tiny.toml | /data" | /nowhere" | nowhere; no such folder
-tiny.toml | level | levels | tiny.toml, line 17; did you mean `level`?
+tiny.toml | level | levels | tiny.toml, line 19; did you mean `level`?
 tiny.toml | "cDF" | "cDX" | `properties`; `cDX`; did you mean `cDF`?; of tiny
 data/surfaces.csv | denim-02, | denim-01, | surfaces.csv; line 3; denim-01
 data/tactile.csv | fRS | fRX | tactile.csv; fRX
@@ -66,19 +66,19 @@ fn images_cut_anywhere() {
 
 #[test]
 fn weights_that_do_not_fit() {
-    const NAME: &str = "conv_stem.weight";
+    const NAME: &str = "features.0.weight";
     let scratch = Scratch::new();
     let file = scratch.path("weights.safetensors");
     scratch.edit("tiny.toml", "untrained", &file.display().to_string());
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::SqueezeNet1_1, 0).unwrap();
     let all = encoder.weights().iter();
     let mut weights: HashMap<_, _> = all.map(|(name, tensor)| (name, tensor.clone())).collect();
     let conv = weights.remove(NAME).unwrap();
     candle_core::safetensors::save(&weights, &file).unwrap();
-    scratch.is_refused("weights.safetensors; conv_stem.weight; missing");
+    scratch.is_refused("weights.safetensors; features.0.weight; missing");
     weights.insert(NAME, conv.pad_with_zeros(1, 0, 1).unwrap());
     candle_core::safetensors::save(&weights, &file).unwrap();
-    scratch.is_refused("weights.safetensors; conv_stem.weight; [; expected");
+    scratch.is_refused("weights.safetensors; features.0.weight; [; expected");
 }
 
 #[test]

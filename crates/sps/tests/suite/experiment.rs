@@ -139,17 +139,17 @@ fn methods_look_at_the_depths_that_they_name() {
     let scratch = Scratch::with_methods(
         "last | last | kernel-ridge | encoder.depths = 'last'\n\
          all | all | kernel-ridge | encoder.depths = 'all'\n\
-         two | two | kernel-ridge | encoder.depths = ['stage-1', 'stage-3']",
+         two | two | kernel-ridge | encoder.depths = ['block-1', 'block-3']",
     );
     let results = scratch.ran();
     let [last, all, two] = ["last", "all", "two"].map(|id| method(&results, id));
     let error = |of: &Value| of["mae"]["fRS"].clone();
     assert!(error(last) != error(all) && error(all) != error(two));
     expect(all["encoder"].as_str().unwrap(), "at all depths");
-    expect(two["encoder"].as_str().unwrap(), "at stage-1 and stage-3");
+    expect(two["encoder"].as_str().unwrap(), "at block-1 and block-3");
 
-    scratch.edit("tiny.toml", "'stage-3'", "'stage-9'");
-    scratch.is_refused("tiny.toml, line; depths`: is \"stage-9\", expected; stage-7");
+    scratch.edit("tiny.toml", "'block-3'", "'block-9'");
+    scratch.is_refused("tiny.toml, line; depths`: is \"block-9\", expected; block-8");
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn a_list_shows_settings_and_opens_no_data() {
     let head = head.split("\n    kind = \"mean\"").next().unwrap();
     for line in [
         "    kind = \"head\"\n",
-        "    encoder = \"efficientnet-lite-body with untrained, random weights, at all depths\"\n",
+        "    encoder = \"squeezenet1-1 with untrained, random weights\"\n",
         "    views = 1 # the one straight down\n",
         "    head.epochs = 3\n",
         "    head.batch-size = 16\n",
@@ -270,7 +270,8 @@ fn other_settings_do_not_replace_a_report_unasked() {
 #[test]
 fn embeddings_from_a_file_score_as_the_encoder_does() {
     let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "[encoder]\nweights = \"untrained\"\n", "");
+    let own = "[encoder]\nname = \"squeezenet1-1\"\ndepths = \"last\"\nweights = \"untrained\"\n";
+    scratch.edit("tiny.toml", own, "");
     let seeing = scratch.ran();
     let mut embed = scratch.sps("embed --encoder efficientnet-lite-body --out @file.safetensors");
     let images = "tile-01/002.exr sponge-01/002.exr oak-02/002.png oak-01/002.jpg denim-02/002.jpg denim-01/002.png";

@@ -138,7 +138,7 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
         selector = { kind = \"equidistant\" } }]";
     let scratch = fitted_in(scratch, &[method, "properties=[\"fRS\"]"]);
     let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::SqueezeNet1_1, 0).unwrap();
     let views = [0, 2, 4];
     let (embeddings, readings) = tables(&dataset, encoder, &views);
     let units = Units::by(dataset.surfaces(), Unit::Surface);

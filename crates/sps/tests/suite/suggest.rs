@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use sps_dataset::{DatasetFolder, ReadSettings, Source};
 use sps_metrics::{Samples, TrainingMean};
-use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData};
 
@@ -60,6 +60,7 @@ const MEASURED: [usize; 4] = [10, 20, 40, 80];
 fn curves(dataset: &DatasetFolder, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
     const DRAWS: u64 = 20;
     let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
+    let encoder = encoder.with_depths(&Depths::All).unwrap();
     let (embeddings, readings) = tables(dataset, encoder, &[0]);
     let count = dataset.surfaces().len();
     let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();

@@ -47,6 +47,7 @@ pub(crate) struct Scratch {
     folder: TempDir,
 }
 
+/// Its encoder has a quarter of the default's weights: a run on a few small frames mostly reads and writes them.
 const CONFIG: &str = r#"
 reruns = 2
 floors = []
@@ -59,6 +60,8 @@ from = "folder"
 [data.folder]
 path = "DATA"
 [encoder]
+name = "squeezenet1-1"
+depths = "last"
 weights = "untrained"
 [head]
 epochs = 3

@@ -2,7 +2,7 @@
 
 use sps_dataset::{DatasetFolder, Source, TactileSettings};
 use sps_estimator::{Embedder, Network};
-use sps_models::encoders::{Depths, Encoder};
+use sps_models::encoders::Encoder;
 use sps_regress::{Embeddings, Readings};
 
 /// The embeddings of these views of all surfaces, and the readings of all properties.
@@ -11,7 +11,6 @@ pub(crate) fn tables(
     encoder: Encoder,
     views: &[usize],
 ) -> (Embeddings, Readings) {
-    let encoder = encoder.with_depths(&Depths::All).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let count = dataset.surfaces().len();
     let of_surface = |at| views.iter().map(move |view| dataset.frame(at, *view));

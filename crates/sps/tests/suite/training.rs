@@ -10,7 +10,9 @@ fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
     let mut command = scratch.sps(
         "experiment configs/end-to-end.toml --fresh --only frozen --only heads --out @run \
          --set reruns=2 --set data.simulated.surfaces=20 --set data.simulated.test-surfaces=10 \
-         --set data.simulated.size=32 --set encoder.training.epochs=2 --set head.epochs=2 \
+         --set data.simulated.size=32 --set encoder.name=squeezenet1-1 --set encoder.depths=last \
+         --set encoder.weights=untrained --set encoder.training.epochs=2 --set head.epochs=2 \
+         --set encoder.training.frozen-epochs=0 --set encoder.training.validation=0 \
          --set cache.folder=@cache --set properties=[\"fRS\",\"mTX\"]",
     );
     command.set(more);

@@ -89,7 +89,10 @@ fn the_number_of_threads_changes_no_bit_and_no_pick() {
 
 #[test]
 fn selections_that_were_made_are_not_made_again() {
-    let methods: Vec<&str> = METHODS.lines().filter(|line| line.contains("selector")).collect();
+    let methods: Vec<&str> = METHODS
+        .lines()
+        .filter(|line| line.contains("selector"))
+        .collect();
     let scratch = Scratch::with_methods(&methods.join("\n"));
     let results = scratch.ran();
     let journal = "run/selections.jsonl";

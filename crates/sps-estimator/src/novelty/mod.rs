@@ -121,18 +121,25 @@ impl Familiar {
         };
         let new = units(embeddings);
         let new = new.par_chunks_exact(step * self.width);
-        Ok(new.map(|new| self.p_value(new, nearest)).collect())
+        let neighbours = nearest.chunks_exact(self.neighbours());
+        let neighbours = neighbours.map(|all| (all, mean(all.iter().copied())));
+        let neighbours: Vec<(&[f32], f64)> = neighbours.collect();
+        Ok(new.map(|new| self.p_value(new, &neighbours)).collect())
     }
 
-    fn p_value(&self, new: &[f32], nearest: &[f32]) -> f64 {
+    /// `known` has the smallest squared distances of each surface to others, and its score by these.
+    fn p_value(&self, new: &[f32], known: &[(&[f32], f64)]) -> f64 {
         let neighbours = self.neighbours();
         let distances: Vec<f32> = self.distances(new).collect();
         let of_new = smallest(distances.iter().copied());
         // One more than the others have, with only two surfaces: scores go by as many.
         let score = mean(of_new.into_iter().take(neighbours));
-        let others = distances.iter().zip(nearest.chunks_exact(neighbours));
-        let strange = others.filter(|(distance, nearest)| {
-            let with_new = nearest.iter().copied().chain([**distance]);
+        let others = distances.iter().zip(known);
+        let strange = others.filter(|&(&distance, &(nearest, alone))| {
+            if nearest.last().is_none_or(|furthest| distance >= *furthest) {
+                return alone >= score;
+            }
+            let with_new = nearest.iter().copied().chain([distance]);
             mean(smallest(with_new).into_iter().take(neighbours)) >= score
         });
         (1 + strange.count()) as f64 / (self.surfaces + 1) as f64
@@ -300,23 +307,31 @@ fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec
 
 /// The embeddings, each block of each view of unit length; zeros stay zeros.
 fn units(embeddings: &Embeddings) -> Vec<f32> {
-    let surfaces = 0..embeddings.surfaces();
-    surfaces.flat_map(|at| units_of(embeddings, at)).collect()
+    let mut units = embeddings.values().to_vec();
+    let rows = units.par_chunks_exact_mut(embeddings.width().max(1));
+    rows.for_each(|row| to_units(row, embeddings.blocks()));
+    units
 }
 
 fn units_of(embeddings: &Embeddings, surface: usize) -> Vec<f32> {
-    let mut units = Vec::new();
-    for view in 0..embeddings.views() {
-        let mut row = embeddings.get(surface, view).unwrap_or_default();
-        for &width in embeddings.blocks() {
-            let (block, rest) = row.split_at(width.min(row.len()));
-            let squares: f64 = block.iter().map(|&x| f64::from(x).powi(2)).sum();
-            let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
-            units.extend(block.iter().map(|&x| (f64::from(x) / length) as f32));
-            row = rest;
-        }
-    }
+    let views = (0..embeddings.views()).filter_map(|view| embeddings.get(surface, view));
+    let mut units: Vec<f32> = views.flatten().copied().collect();
+    let rows = units.chunks_exact_mut(embeddings.width().max(1));
+    rows.for_each(|row| to_units(row, embeddings.blocks()));
     units
+}
+
+/// Brings each block of one view to unit length.
+fn to_units(mut row: &mut [f32], blocks: &[usize]) {
+    for &width in blocks {
+        let (block, rest) = row.split_at_mut(width.min(row.len()));
+        let squares: f64 = block.iter().map(|&x| f64::from(x).powi(2)).sum();
+        let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
+        for x in block {
+            *x = (f64::from(*x) / length) as f32;
+        }
+        row = rest;
+    }
 }
 
 /// The smallest of some distances, ascending.

@@ -6,6 +6,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::data::Embeddings;
@@ -106,17 +107,29 @@ fn nearest(training: &Embeddings, features: &[f32]) -> usize {
     least.map_or(0, |(surface, _)| surface)
 }
 
-/// The square of the Euclidean distance of as many values as both have; the same whichever comes first.
+/// The square of the Euclidean distance of as many values as both have; the same whichever comes first, and with any
+/// vectors, by the widest of the machine.
 pub fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
-    let (a, rest_of_a) = a.as_chunks::<LANES>();
-    let (b, rest_of_b) = b.as_chunks::<LANES>();
-    let mut sums = [0.0; LANES];
-    for (a, b) in a.iter().zip(b) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += (a - b) * (a - b);
+    Arch::new().dispatch(Distance(a, b))
+}
+
+struct Distance<'a>(&'a [f32], &'a [f32]);
+
+impl WithSimd for Distance<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f32 {
+        let (a, rest_of_a) = self.0.as_chunks::<LANES>();
+        let (b, rest_of_b) = self.1.as_chunks::<LANES>();
+        let mut sums = [0.0; LANES];
+        for (a, b) in a.iter().zip(b) {
+            for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+                *sum += (a - b) * (a - b);
+            }
         }
+        let rest = rest_of_a.iter().zip(rest_of_b);
+        let rest = rest.map(|(a, b)| (a - b) * (a - b));
+        sums.iter().sum::<f32>() + rest.sum::<f32>()
     }
-    let rest = rest_of_a.iter().zip(rest_of_b);
-    let rest = rest.map(|(a, b)| (a - b) * (a - b));
-    sums.iter().sum::<f32>() + rest.sum::<f32>()
 }

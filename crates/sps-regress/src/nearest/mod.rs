@@ -119,6 +119,10 @@ impl WithSimd for Distance<'_> {
     type Output = f32;
 
     #[inline(always)]
+    #[expect(
+        clippy::inline_always,
+        reason = "what is not inlined has the vectors of any machine"
+    )]
     fn with_simd<S: Simd>(self, _: S) -> f32 {
         let (a, rest_of_a) = self.0.as_chunks::<LANES>();
         let (b, rest_of_b) = self.1.as_chunks::<LANES>();

@@ -126,7 +126,7 @@ impl ImageSource for Greys {
 
 #[test]
 fn training_states() {
-    let start = Encoder::seeded(EncoderKind::SqueezeNet1_1, 1).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1).unwrap();
     let targets = || Targets {
         classes: Some(Classes {
             of_image: vec![0, 1, 0, 1, 0, 1],

@@ -121,13 +121,13 @@ impl Familiar {
         };
         let new = units(embeddings);
         let new = new.par_chunks_exact(step * self.width);
-        let neighbours = nearest.chunks_exact(self.neighbours());
-        let neighbours = neighbours.map(|all| (all, mean(all.iter().copied())));
-        let neighbours: Vec<(&[f32], f64)> = neighbours.collect();
-        Ok(new.map(|new| self.p_value(new, &neighbours)).collect())
+        let known = nearest.chunks_exact(self.neighbours());
+        let known = known.map(|nearest| (nearest, mean(nearest.iter().copied())));
+        let known: Vec<(&[f32], f64)> = known.collect();
+        Ok(new.map(|new| self.p_value(new, &known)).collect())
     }
 
-    /// `known` has the smallest squared distances of each surface to others, and its score by these.
+    /// `known` has the smallest squared distances of each surface to others, and its score among these alone.
     fn p_value(&self, new: &[f32], known: &[(&[f32], f64)]) -> f64 {
         let neighbours = self.neighbours();
         let distances: Vec<f32> = self.distances(new).collect();
@@ -136,6 +136,7 @@ impl Familiar {
         let score = mean(of_new.into_iter().take(neighbours));
         let others = distances.iter().zip(known);
         let strange = others.filter(|&(&distance, &(nearest, alone))| {
+            // No nearer than its neighbours, the new surface is none of them.
             if nearest.last().is_none_or(|furthest| distance >= *furthest) {
                 return alone >= score;
             }
@@ -308,17 +309,18 @@ fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec
 /// The embeddings, each block of each view of unit length; zeros stay zeros.
 fn units(embeddings: &Embeddings) -> Vec<f32> {
     let mut units = embeddings.values().to_vec();
-    let rows = units.par_chunks_exact_mut(embeddings.width().max(1));
-    rows.for_each(|row| to_units(row, embeddings.blocks()));
+    let views = units.par_chunks_exact_mut(embeddings.width().max(1));
+    views.for_each(|view| to_units(view, embeddings.blocks()));
     units
 }
 
 fn units_of(embeddings: &Embeddings, surface: usize) -> Vec<f32> {
-    let views = (0..embeddings.views()).filter_map(|view| embeddings.get(surface, view));
-    let mut units: Vec<f32> = views.flatten().copied().collect();
-    let rows = units.chunks_exact_mut(embeddings.width().max(1));
-    rows.for_each(|row| to_units(row, embeddings.blocks()));
-    units
+    let unit = |view: usize| {
+        let mut view = embeddings.get(surface, view).unwrap_or_default().to_vec();
+        to_units(&mut view, embeddings.blocks());
+        view
+    };
+    (0..embeddings.views()).flat_map(unit).collect()
 }
 
 /// Brings each block of one view to unit length.

@@ -132,7 +132,7 @@ impl Folded {
             };
             let mut sum = 0.0;
             for weight in weights {
-                *weight = (f64::from(*weight) / step + WHOLE - WHOLE) as f32;
+                *weight = (f64::from(*weight) / step).round_ties_even() as f32;
                 sum += f64::from(*weight);
             }
             let step = step * f64::from(from.step);
@@ -146,9 +146,6 @@ impl Folded {
 
 /// The largest weight in int8.
 const LARGEST: f32 = 127.0;
-/// What is added to this in f64 is rounded to a whole number, half to even; `round_ties_even` is a call where
-/// instructions are found at run time.
-const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
 
 /// The maps around a convolution.
 #[derive(Debug, Clone, Copy)]

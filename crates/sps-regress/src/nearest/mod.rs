@@ -107,8 +107,8 @@ fn nearest(training: &Embeddings, features: &[f32]) -> usize {
     least.map_or(0, |(surface, _)| surface)
 }
 
-/// The square of the Euclidean distance of as many values as both have; the same whichever comes first, and with any
-/// vectors, by the widest of the machine.
+/// The square of the Euclidean distance of as many values as both have; the same whichever comes first. It is computed
+/// with the widest vectors of the machine, and has the same bits with any.
 pub fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     Arch::new().dispatch(Distance(a, b))
 }
@@ -121,7 +121,7 @@ impl WithSimd for Distance<'_> {
     #[inline(always)]
     #[expect(
         clippy::inline_always,
-        reason = "what is not inlined has the vectors of any machine"
+        reason = "only what is inlined is compiled with the instructions that were found"
     )]
     fn with_simd<S: Simd>(self, _: S) -> f32 {
         let (a, rest_of_a) = self.0.as_chunks::<LANES>();

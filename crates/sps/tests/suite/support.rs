@@ -47,7 +47,8 @@ pub(crate) struct Scratch {
     folder: TempDir,
 }
 
-/// Its encoder has a quarter of the default's weights: a run on a few small frames mostly reads and writes them.
+/// SqueezeNet 1.1 has a quarter of the default encoder's weights. Reading, checking and writing weights is most of what
+/// a run on a few small frames does.
 const CONFIG: &str = r#"
 reruns = 2
 floors = []

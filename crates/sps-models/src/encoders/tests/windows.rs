@@ -19,12 +19,11 @@ fn image([height, width]: [usize; 2]) -> Vec<f32> {
 
 /// With weights by the golden rule: seeded ones enlarge what bf16 rounds off.
 fn encoder(kind: EncoderKind, precision: Precision) -> Encoder {
-    let encoder = golden::encoder(kind);
-    match precision {
-        Precision::Int8 => calibrated(encoder).with_precision(precision),
-        _ => encoder.with_precision(precision),
+    let mut encoder = golden::encoder(kind);
+    if precision == Precision::Int8 {
+        encoder = calibrated(encoder);
     }
-    .unwrap()
+    encoder.with_precision(precision).unwrap()
 }
 
 /// The last feature map in f64, `(width, rows, columns)`.

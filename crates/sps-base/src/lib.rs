@@ -4,5 +4,7 @@ pub mod files;
 pub mod memory;
 #[cfg(feature = "names")]
 pub mod names;
+#[cfg(feature = "parallel")]
+pub mod parallel;
 #[cfg(feature = "streams")]
 pub mod streams;

@@ -1,8 +1,8 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
 use serde::Serialize;
+use sps_base::parallel;
 
 use crate::intraclass::intraclass;
 use crate::{
@@ -162,7 +162,7 @@ impl DatasetFolder {
                 error: error.to_string(),
             })
         };
-        let checked: Vec<_> = (0..expected).into_par_iter().map(check).collect();
+        let checked = parallel::map(0..expected, check);
         let mut summary = FrameSummary {
             expected,
             unknown_folders: self.unknown_folders(),

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use crate::{Extent, Frame};
 
@@ -18,15 +18,14 @@ pub(crate) fn resample(from: Extent, to: Extent, read: impl Fn(usize, &mut [f32]
     let columns = Taps::of_side(from.width, to.width);
     let rows = Taps::of_side(from.height, to.height);
     let mut data = vec![0.0; 3 * to.width * to.height];
-    data.par_chunks_mut(3 * to.width * ROWS_TOGETHER)
-        .zip(rows.par_chunks(ROWS_TOGETHER))
-        .for_each(|(data, rows)| {
-            let sums = sum_rows(3 * from.width, rows, &read);
-            let sums = sums.chunks_exact(3 * from.width);
-            for (sums, row) in sums.zip(data.chunks_exact_mut(3 * to.width)) {
-                sum_columns(sums.as_chunks().0, &columns, row.as_chunks_mut().0);
-            }
-        });
+    let parts = data.chunks_mut(3 * to.width * ROWS_TOGETHER);
+    parallel::each(parts.zip(rows.chunks(ROWS_TOGETHER)), |(data, rows)| {
+        let sums = sum_rows(3 * from.width, rows, &read);
+        let sums = sums.chunks_exact(3 * from.width);
+        for (sums, row) in sums.zip(data.chunks_exact_mut(3 * to.width)) {
+            sum_columns(sums.as_chunks().0, &columns, row.as_chunks_mut().0);
+        }
+    });
     Frame {
         width: to.width,
         height: to.height,

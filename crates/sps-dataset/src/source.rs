@@ -1,8 +1,8 @@
 use std::error::Error;
 use std::ops::Deref;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sps_base::parallel;
 
 use crate::{Description, Frame, LinearFrame, Property, TactileTable};
 
@@ -188,7 +188,6 @@ pub fn decode_frames(
     source: &dyn Source,
     frames: &[FrameIndex],
 ) -> Result<Vec<Frame>, SourceError> {
-    let frames = frames.par_iter();
-    let decoded = frames.map(|index| source.frame(index.surface, index.view));
-    decoded.collect::<Vec<_>>().into_iter().collect()
+    let decoded = parallel::map(frames, |index| source.frame(index.surface, index.view));
+    decoded.into_iter().collect()
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use crate::error::{Error, Result};
 use crate::inference::Scale;
@@ -116,8 +116,7 @@ impl Windows {
             return Err(Error::input("windows", found, expected));
         }
         let mut embeddings = vec![0.0; values];
-        let outs = embeddings.par_chunks_mut((columns * width).max(1));
-        outs.enumerate().for_each(|(row, out)| {
+        parallel::each_chunk(&mut embeddings, columns * width, |row, out| {
             for (column, mut out) in out.chunks_exact_mut(width).enumerate() {
                 for (sums, [rows, columns]) in depths.iter().zip(&cells) {
                     let (block, rest) = out.split_at_mut(sums.width);

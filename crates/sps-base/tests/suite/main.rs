@@ -4,5 +4,7 @@ mod files;
 mod memory;
 #[cfg(feature = "names")]
 mod names;
+#[cfg(feature = "parallel")]
+mod parallel;
 #[cfg(feature = "streams")]
 mod streams;

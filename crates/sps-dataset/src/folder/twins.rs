@@ -1,6 +1,6 @@
 use std::collections::HashMap;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::DatasetFolder;
 use crate::pattern::{SIDE, dot, pattern, unit_vectors};
@@ -34,12 +34,12 @@ impl DatasetFolder {
     pub fn keep_near_twins_together(&mut self, likeness: f64) -> Result<NearTwins, SourceError> {
         let views = self.compared_views();
         let described = views.iter().map(|&view| {
-            let surfaces = (0..self.surfaces.len()).into_par_iter();
-            let patterns = surfaces.map(|at| {
+            let patterns = parallel::map(0..self.surfaces.len(), |at| {
                 let frame = self.frame_to_resize(at, view, Some(SIDE))?;
                 Ok(pattern(&frame))
             });
-            Ok(unit_vectors(patterns.collect::<Result<_, _>>()?))
+            let patterns = patterns.into_iter().collect::<Result<_, _>>()?;
+            Ok(unit_vectors(patterns))
         });
         let views = described.collect::<Result<Vec<_>, SourceError>>()?;
         Ok(join(&mut self.surfaces, &views, likeness))
@@ -66,18 +66,17 @@ fn join(surfaces: &mut [Surface], views: &[Vec<Option<Vec<f64>>>], likeness: f64
         };
         views.iter().map(of_view).sum::<f64>() / views.len() as f64 >= likeness
     };
-    let twins = (0..surfaces.len()).into_par_iter().flat_map_iter(|a| {
+    let twins = parallel::map(0..surfaces.len(), |a| -> Vec<(usize, usize)> {
         let later = a + 1..surfaces.len();
-        later.filter_map(move |b| alike(a, b).then_some((a, b)))
+        later.filter(|&b| alike(a, b)).map(|b| (a, b)).collect()
     });
-    let twins: Vec<(usize, usize)> = twins.collect();
 
     let mut seen: HashMap<&str, usize> = HashMap::new();
     let groups = surfaces.iter().map(|surface| surface.group.as_str());
     let first = |(at, group)| *seen.entry(group).or_insert(at);
     // The first surface of each one's group.
     let mut firsts: Vec<usize> = groups.enumerate().map(first).collect();
-    for (a, b) in twins {
+    for (a, b) in twins.into_iter().flatten() {
         let [kept, joined] = [firsts[a].min(firsts[b]), firsts[a].max(firsts[b])];
         if kept < joined {
             let moved = firsts.iter_mut().filter(|first| **first == joined);

@@ -1,4 +1,4 @@
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use crate::Extent;
 use crate::files::integer;
@@ -32,8 +32,7 @@ impl Orientation {
         let (origin, right, down) = self.steps(stored);
         let stored_at = |x: usize, y: usize| origin + x as isize * right + y as isize * down;
         let mut turned = vec![[0; N]; pixels.len()];
-        let bands = turned.par_chunks_mut(upright.width * TILE).enumerate();
-        bands.for_each(|(band, rows)| {
+        parallel::each_chunk(&mut turned, upright.width * TILE, |band, rows| {
             for left in (0..upright.width).step_by(TILE) {
                 for (y, row) in (band * TILE..).zip(rows.chunks_exact_mut(upright.width)) {
                     for (x, pixel) in (left..).zip(row[left..].iter_mut().take(TILE)) {

@@ -1,6 +1,6 @@
 //! The way back through an activation.
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::{Band, bands};
 use super::grid::{Grid, pixel, pixel_mut};
@@ -58,9 +58,8 @@ pub(crate) fn activation_gradient<W: Real>(
             },
         )
     };
-    let parts = bands(PARTS, 1, to, target).into_par_iter().map(back);
     let mut sums = vec![0.0; to.channels];
-    for part in parts.collect::<Vec<_>>() {
+    for part in parallel::map(bands(PARTS, 1, to, target), back) {
         for (sum, part) in sums.iter_mut().zip(part) {
             *sum += part;
         }

@@ -1,7 +1,6 @@
 //! How work on a feature map is split over threads.
 
 use std::cell::{Cell, RefCell};
-use std::iter::from_fn;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -178,11 +177,30 @@ pub(super) fn for_each_band_of<W: Word>(
 /// the one that called it, where both then lie for milliseconds.
 pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
     let helpers = team().min(items.len()).saturating_sub(1);
-    if helpers == 0 {
-        return items.into_iter().for_each(work);
-    }
     let items = Mutex::new(items.into_iter());
-    let items = || items.lock().unwrap_or_else(PoisonError::into_inner);
+    let next = |end: End| {
+        let mut items = items.lock().unwrap_or_else(PoisonError::into_inner);
+        match end {
+            End::First => items.next(),
+            End::Last => items.next_back(),
+        }
+    };
+    let take = |end| next(end).map(&work).is_some();
+    if helpers == 0 {
+        while take(End::First) {}
+    } else {
+        share(helpers, &take);
+    }
+}
+
+/// The end of a list that its next item is taken from.
+enum End {
+    First,
+    Last,
+}
+
+/// Calls `take` by the caller and by so many helpers until there is nothing to take.
+fn share(helpers: usize, take: &(dyn Fn(End) -> bool + Sync)) {
     let [begun, done] = [const { AtomicUsize::new(0) }; 2];
     rayon::scope(|scope| {
         for _ in 0..helpers {
@@ -192,11 +210,11 @@ pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + S
                 });
                 begun.fetch_add(1, Ordering::Relaxed);
                 if !in_pass() {
-                    by_team(1, || from_fn(|| items().next()).for_each(&work));
+                    by_team(1, || while take(End::First) {});
                 }
             });
         }
-        from_fn(|| items().next_back()).for_each(&work);
+        while take(End::Last) {}
         // Where the scope waited itself, it would run passes of others.
         while done.load(Ordering::Relaxed) < helpers {
             let here = begun.load(Ordering::Relaxed) < helpers;

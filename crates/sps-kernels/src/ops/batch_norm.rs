@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::chunks;
 use super::grid::Grid;
@@ -72,11 +72,10 @@ impl FrameSums {
         let ranges: Vec<_> = frames.flat_map(|frame| chunks(frame, step)).collect();
         let frames = values.chunks_exact_mut(frame_len);
         let mut parts = frames.flat_map(|frame| frame.chunks_mut(step));
-        let parts = ranges.iter().map(|_| parts.next().unwrap_or_default());
-        let parts = ranges.par_iter().zip(parts.collect::<Vec<_>>());
-        let runs: Vec<_> = parts
-            .map(|(range, part)| run(range.clone(), part))
-            .collect();
+        let parts = ranges
+            .iter()
+            .map(|range| (range, parts.next().unwrap_or_default()));
+        let runs = parallel::map(parts, |(range, part)| run(range.clone(), part));
         let mut sums = [0; 2].map(|_| vec![0.0; grid.frames * grid.channels]);
         for (range, run) in ranges.iter().zip(runs) {
             let first = range.start / frame_len * grid.channels;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::chunks;
 use super::conv::ConvShape;
@@ -203,8 +203,7 @@ fn dense<W: Real>(
     let block = if taps == 1 { PIXELS } else { BLOCK };
     let blocks = || chunks(0..pairs.starts.len(), block);
     if taps == 1 && !turned && W::NUMBERS == 1 {
-        let parts = target.par_chunks_mut(height * stride).enumerate();
-        parts.for_each(|(part, total)| {
+        parallel::each_chunk(target, height * stride, |part, total| {
             total.fill(0.0);
             blocks().for_each(|pixels| sum((part * height, 0), pixels, [total, &mut []]));
         });
@@ -228,16 +227,15 @@ fn dense<W: Real>(
         }
         totals
     };
-    let parts = parts.par_chunks(together).flat_map_iter(sums);
-    let parts: Vec<Vec<f32>> = parts.collect();
+    let parts = parallel::map(parts.chunks(together), sums);
+    let parts: Vec<Vec<f32>> = parts.into_iter().flatten().collect();
     let part = |row: usize, of_run: usize| {
         let part = &parts[row / height * runs.len() + of_run];
         &part[row % height * stride..][..stride]
     };
     let places = (0..columns).map(|column| W::place(column, level.lanes()));
     let places: Vec<usize> = places.collect();
-    let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
-    outputs.for_each(|(output, target)| {
+    parallel::each_chunk(target, inputs * taps, |output, target| {
         for tap in 0..taps {
             let (of_run, first) = (tap / (run / inputs), tap % (run / inputs) * inputs);
             let values = target.iter_mut().skip(tap).step_by(taps);
@@ -275,8 +273,7 @@ fn dense_by_tiles<W: Real>(
         width,
     };
     let sums = sums.sums();
-    let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
-    outputs.for_each(|(output, target)| {
+    parallel::each_chunk(target, inputs * taps, |output, target| {
         for run in 0..runs.len() {
             let (mut place, mut left) = (run * (width / inputs), width);
             for values in sums.row(output, run) {
@@ -308,8 +305,7 @@ fn of_groups<W: Real>(
     }
     let stride = Outer::<W>::stride(level, outputs);
     let group_len = outputs * inputs * taps.len();
-    let groups = target.par_chunks_exact_mut(group_len).enumerate();
-    groups.for_each(|(group, target)| {
+    parallel::each_chunk(target, group_len, |group, target| {
         let mut sums = vec![0.0; inputs * stride];
         let right = &pairs.gradient[W::words(group * outputs)..];
         for (tap, &offset) in taps.iter().enumerate() {

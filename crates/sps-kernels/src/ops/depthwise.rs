@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::buffer::Buffer;
 use super::outer::Pairs;
@@ -303,12 +303,11 @@ pub(super) fn weight_gradient<W: Real>(
     target: &mut [f32],
 ) {
     let channels = target.len() / taps.len();
-    let sums = taps.par_iter().map(|&tap| {
+    let sums = parallel::map(taps, |&tap| {
         let source = &pairs.source[tap..];
         let pairs = Pairs { source, ..pairs };
         W::run(level, TapSums { channels, pairs })
     });
-    let sums: Vec<Vec<f32>> = sums.collect();
     for (channel, target) in target.chunks_exact_mut(taps.len()).enumerate() {
         for (target, sums) in target.iter_mut().zip(&sums) {
             *target = sums[channel];

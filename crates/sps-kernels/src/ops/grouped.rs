@@ -4,7 +4,7 @@
 //! each channel that leaves; against it stands the source with one channel of each group spread
 //! over the group.
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::buffer::Buffer;
 use super::outer::Pairs;
@@ -161,8 +161,7 @@ pub(super) fn weight_gradient<W: Real>(
     target: &mut [f32],
 ) {
     let lanes = level.lanes();
-    let blocks = target.par_chunks_exact_mut(lanes * group * taps.len());
-    blocks.enumerate().for_each(|(block, target)| {
+    parallel::each_chunk(target, lanes * group * taps.len(), |block, target| {
         let first = W::words(block * lanes);
         let pairs = Pairs {
             source: &pairs.source[first..],

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::simd::{Lanes, Level};
 use super::unroll::{tallest, tiles};
@@ -42,9 +42,9 @@ impl<'a, W: Real> Joined<'a, W> {
             };
         }
         let mut joined = vec![W::default(); rows.len().div_ceil(W::NUMBERS) * width];
-        let parts = joined.par_chunks_mut(TOGETHER / W::NUMBERS * width.max(1));
-        let parts = parts.zip(rows.par_chunks(TOGETHER));
-        parts.for_each(|(out, rows)| {
+        let parts = joined.chunks_mut(TOGETHER / W::NUMBERS * width.max(1));
+        let parts = parts.zip(rows.chunks(TOGETHER));
+        parallel::each(parts, |(out, rows)| {
             level.run(
                 #[inline(always)]
                 move || join(memory, rows, (width, width), out),

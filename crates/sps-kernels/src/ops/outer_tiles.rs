@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::{chunks, on_all_threads};
 use super::outer::{Pairs, join};
@@ -95,8 +95,8 @@ impl<W: Real> OuterTiles<'_, W> {
         let mut left = vec![W::default(); BLOCKS.min(pixels.div_ceil(2 * PAIRS)) * height * PITCH];
         for pixels in chunks(0..pixels, 2 * PAIRS * BLOCKS) {
             let blocks: Vec<Range<usize>> = chunks(pixels, 2 * PAIRS).collect();
-            let turned = left.par_chunks_mut(height * PITCH).zip(&blocks);
-            turned.for_each(|(out, pixels)| {
+            let turned = left.chunks_mut(height * PITCH).zip(&blocks);
+            parallel::each(turned, |(out, pixels)| {
                 let turn = Turn {
                     memory: self.pairs.gradient,
                     rows: &self.pairs.places[pixels.clone()],

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::Threads;
 use super::buffer::Buffer;
@@ -157,7 +157,7 @@ impl<W: Word> Panels<W> {
         };
         match threads {
             Threads::One => made.into_iter().for_each(make),
-            Threads::All => made.into_par_iter().for_each(make),
+            Threads::All => parallel::each(made, make),
         }
         all
     }
@@ -175,8 +175,7 @@ impl<W: Word> Panels<W> {
     /// Calls `fill` on the panels, in parallel: first column, columns, width, memory.
     fn for_each_panel(&mut self, fill: impl Fn(usize, usize, usize, &mut [W]) + Send + Sync) {
         let n = self.n;
-        let panels = self.parts().into_par_iter();
-        panels.for_each(|(column, width, panel)| {
+        parallel::each(self.parts(), |(column, width, panel)| {
             fill(column, width.min(n - column), width, panel);
         });
     }

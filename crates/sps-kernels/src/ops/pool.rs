@@ -1,6 +1,6 @@
 //! Max pooling of feature maps, channels last.
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::bands::{Band, Threads, chunks, for_each_band};
 use super::buffer::Buffer;
@@ -198,8 +198,7 @@ pub(crate) fn max_pool_backward<W: Real>(
 ) {
     let places = to.places();
     let pixels = pixels(to.size);
-    let frames = target.par_chunks_exact_mut(from.frame_len().max(1));
-    frames.enumerate().for_each(|(frame, target)| {
+    parallel::each_chunk(target, from.frame_len(), |frame, target| {
         let backward = PoolBackward {
             window,
             source,

@@ -1,6 +1,6 @@
 //! Mean and variance of each channel of a feature map.
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::grid::{Grid, rows};
 use super::simd::Level;
@@ -43,8 +43,8 @@ impl ChannelStatistics {
                     move || PartialStatistics::of(run, channels, pitch),
                 )
             };
-            let runs = frame.par_chunks(run_rows(channels) * pitch);
-            runs.map(statistics).collect()
+            let runs = frame.chunks(run_rows(channels) * pitch);
+            parallel::map(runs, statistics)
         };
         let mut all = PartialStatistics::empty(channels);
         let mut frame_means = Vec::with_capacity(grid.frames * channels);

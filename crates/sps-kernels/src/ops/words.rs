@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::simd::{Kernel, Lanes, Level};
 
@@ -165,9 +165,9 @@ impl Word for Bf16Pair {
 
     fn of_weights(level: Level, weights: &[f32]) -> Cow<'_, [Self]> {
         let mut words = vec![Self::default(); Self::words(weights.len())];
-        let parts = Self::each_mut(&mut words).par_chunks_mut(ROUNDED);
-        let parts = parts.zip(weights.par_chunks(ROUNDED));
-        parts.for_each(|(words, numbers)| {
+        let parts = Self::each_mut(&mut words).chunks_mut(ROUNDED);
+        let parts = parts.zip(weights.chunks(ROUNDED));
+        parallel::each(parts, |(words, numbers)| {
             level.run(
                 #[inline(always)]
                 move || {

@@ -4,7 +4,7 @@
 #![allow(clippy::inline_always)]
 
 use faer::{Accum, MatMut, MatRef};
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_kernels::simd::{Kernel, Lanes, Level};
 use sps_regress::dense::multiply;
 use sps_regress::{Embeddings, TrainingData, Trial, check_indices};
@@ -270,24 +270,21 @@ fn terms(
     let (units, slots) = (affine.output.len(), head.dims.slots);
     let (views, tiles) = (embeddings.views(), surfaces.len().div_ceil(TILE));
     // Of each view, `(slots x units, surfaces)`.
-    let of_views: Vec<Vec<f32>> = (0..views)
-        .into_par_iter()
-        .map(|view| {
-            let mut rows = Vec::with_capacity(surfaces.len() * head.dims.width);
-            for &surface in surfaces {
-                let features = embeddings.get(surface, view).unwrap_or_default();
-                head.statistics.push(features, &mut rows);
-            }
-            let mut out = vec![0.0; slots * units * surfaces.len()];
-            multiply(
-                MatMut::from_row_major_slice_mut(&mut out, slots * units, surfaces.len()),
-                Accum::Replace,
-                MatRef::from_row_major_slice(&affine.weight, slots * units, head.dims.width),
-                MatRef::from_row_major_slice(&rows, surfaces.len(), head.dims.width).transpose(),
-            );
-            out
-        })
-        .collect();
+    let of_views: Vec<Vec<f32>> = parallel::map(0..views, |view| {
+        let mut rows = Vec::with_capacity(surfaces.len() * head.dims.width);
+        for &surface in surfaces {
+            let features = embeddings.get(surface, view).unwrap_or_default();
+            head.statistics.push(features, &mut rows);
+        }
+        let mut out = vec![0.0; slots * units * surfaces.len()];
+        multiply(
+            MatMut::from_row_major_slice_mut(&mut out, slots * units, surfaces.len()),
+            Accum::Replace,
+            MatRef::from_row_major_slice(&affine.weight, slots * units, head.dims.width),
+            MatRef::from_row_major_slice(&rows, surfaces.len(), head.dims.width).transpose(),
+        );
+        out
+    });
     let mut terms = vec![0.0; slots * tiles * views * units * TILE];
     let lanes = terms.chunks_exact_mut(TILE).enumerate();
     for (at, lanes) in lanes {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_regress::{Embeddings, Plan, Rerun, Standardiser, TrainingData, Trial};
 
 use super::config::HeadConfig;
@@ -78,8 +78,8 @@ pub(super) fn prepare<'a>(
     let is_wanted = |rerun: &&Rerun| plan.trials.iter().any(|t| t.rerun == rerun.number);
     let wanted: Vec<_> = plan.reruns.iter().filter(is_wanted).collect();
     let shared = |rerun: &Rerun| Ok((rerun.number, Shared::new(config, data, plan.seed, rerun)?));
-    let reruns: Vec<Result<_>> = wanted.into_par_iter().map(shared).collect();
-    let reruns: BTreeMap<_, _> = reruns.into_iter().collect::<Result<_>>()?;
+    let reruns = parallel::map(wanted, shared).into_iter();
+    let reruns: BTreeMap<_, _> = reruns.collect::<Result<_>>()?;
     let mut statistics = BTreeMap::new();
     let jobs = plan.trials.iter().filter_map(|trial| {
         let rerun = reruns.get(&trial.rerun)?;

@@ -52,7 +52,7 @@ pub use fusion::FusionLoss;
 pub(crate) use joint::{Draw, JointHeads, Share};
 pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_regress::{Error as RegressError, Plan, TrainingData, Views};
 
 use crate::error::{Error, Result};
@@ -128,15 +128,12 @@ impl Head {
         }
         let jobs = job::prepare(&self.0, data, plan)?;
         let stacks = job::stacks(&self.0, data, &jobs)?;
-        let trained: Vec<Result<Vec<_>>> = stacks
-            .par_iter()
-            .map(|stack| {
-                let jobs: Vec<_> = stack.iter().map(|&index| &jobs[index]).collect();
-                let outcomes = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
-                observer.finished(&self.trained(outcomes.iter().cloned()));
-                Ok(stack.iter().copied().zip(outcomes).collect())
-            })
-            .collect();
+        let trained = parallel::map(&stacks, |stack| -> Result<Vec<_>> {
+            let jobs: Vec<_> = stack.iter().map(|&index| &jobs[index]).collect();
+            let outcomes = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
+            observer.finished(&self.trained(outcomes.iter().cloned()));
+            Ok(stack.iter().copied().zip(outcomes).collect())
+        });
         let mut outcomes = Vec::with_capacity(jobs.len());
         for stack in trained {
             outcomes.extend(stack?);

@@ -1,6 +1,6 @@
 use candle_core::{Device, Tensor};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sps_base::parallel;
 use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 
 use super::Head;
@@ -209,14 +209,13 @@ impl TrainedHeads {
     ///
     /// Embeddings of another width or number of views than the heads take.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let estimates = self.heads.par_iter().map(|head| {
+        let estimates = parallel::map(&self.heads, |head| {
             Ok(Estimates {
                 property: head.trial.property.clone(),
                 rerun: head.trial.rerun,
                 values: head.estimate(self.config(), embeddings)?,
             })
         });
-        let estimates: Vec<Result<_>> = estimates.collect();
         estimates.into_iter().collect()
     }
 }

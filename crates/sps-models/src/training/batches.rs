@@ -7,7 +7,7 @@ use std::thread;
 
 use candle_core::{Device, Tensor};
 use rand::seq::SliceRandom;
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_base::streams::named_stream;
 
 use super::config::Augmentation;
@@ -105,12 +105,12 @@ fn read(
     let purpose = format!("training/augmentation/{}", vary.epoch);
     for surfaces in batches {
         let images = images(surfaces, vary.views);
-        let shown = images.par_iter().map(|&index| {
+        let shown = parallel::map(&images, |&index| {
             let image = image(source, index)?;
             let mut rng = named_stream(vary.seed, &purpose, index as u64);
             Ok(image.varied(vary.augmentation, &mut rng))
         });
-        let shown: Result<Vec<Image>> = shown.collect();
+        let shown: Result<Vec<Image>> = shown.into_iter().collect();
         let batch = shown.and_then(|shown| {
             Ok(Batch {
                 tensor: stack(&shown, &images)?,

@@ -12,8 +12,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use faer::Mat;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sps_base::parallel;
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
@@ -125,19 +125,18 @@ impl KernelRidge {
         let (scales, kernels) = self.kernels(&group.embeddings);
         let spectrum =
             |(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out);
-        let spectra: Vec<Result<Spectrum>> = kernels.into_par_iter().map(spectrum).collect();
-        let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
+        let spectra = parallel::map(kernels, spectrum).into_iter();
+        let spectra = spectra.collect::<Result<Vec<_>>>()?;
         let support = Arc::new(Support {
             proximity: Proximity::of(&self.0.kernels),
             embeddings: group.embeddings.clone(),
             scales,
         });
-        let fits = group.jobs.par_iter().map(|job| TrainedKernelRidge {
+        Ok(parallel::map(&group.jobs, |job| TrainedKernelRidge {
             trial: job.trial.clone(),
             fit: Fit::best(&spectra, &job.values, &group.left_out),
             support: Arc::clone(&support),
-        });
-        Ok(fits.collect())
+        }))
     }
 
     /// The scale of each block of each view, and the matrix of the surfaces by each kernel.
@@ -151,8 +150,9 @@ impl KernelRidge {
             let points = Points::new(proximity, embeddings, part);
             let (proximities, scale) = points.among_themselves();
             scales.push(scale);
-            sums.par_iter_mut()
-                .for_each(|(shape, sum)| points.add(sum, &proximities, scale, *shape));
+            parallel::each(&mut sums, |(shape, sum)| {
+                points.add(sum, &proximities, scale, *shape);
+            });
         }
         (scales, sums)
     }
@@ -253,9 +253,8 @@ impl FittedModel for TrainedKernelRidge {
         for one in Sharing::of(models) {
             let what = "embeddings for kernel ridge regression";
             check_fits(what, embeddings, &one.support.embeddings)?;
-            let parts = ranges.par_iter();
-            let parts = parts.map(|range| one.estimate(models, embeddings, range));
-            for part in parts.collect::<Vec<_>>() {
+            let estimate = |range: &Range<usize>| one.estimate(models, embeddings, range);
+            for part in parallel::map(&ranges, estimate) {
                 for (&at, estimates) in one.ridges.iter().zip(part) {
                     all[at].extend(estimates);
                 }

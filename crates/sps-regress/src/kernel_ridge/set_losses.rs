@@ -1,5 +1,5 @@
 use faer::Mat;
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::fit::{Fit, Spectrum};
 use super::kernel::Shape;
@@ -162,8 +162,7 @@ fn kernels(
         let (_, kernels) = ridge.kernels(&embeddings.select(surfaces, &[view])?);
         Ok(kernels.iter().map(|(_, one)| lower_triangle(one)).collect())
     };
-    let views = (0..embeddings.views()).into_par_iter().map(of_view);
-    let views: Vec<Result<Vec<Vec<f32>>>> = views.collect();
+    let views = parallel::map(0..embeddings.views(), of_view);
     views.into_iter().collect()
 }
 

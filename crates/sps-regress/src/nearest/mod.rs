@@ -7,7 +7,7 @@ mod tests;
 use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use crate::data::Embeddings;
 use crate::error::Result;
@@ -72,9 +72,8 @@ impl FittedModel for TrainedNearest {
             check_fits("embeddings for the nearest neighbour", embeddings, training)?;
             let factors = training.balance();
             let [training, embeddings] = [training, embeddings].map(|all| all.scaled(&factors));
-            let surfaces = (0..embeddings.surfaces()).into_par_iter();
-            let nearest = surfaces.map(|at| nearest(&training, embeddings.surface(at)));
-            let nearest: Vec<usize> = nearest.collect();
+            let nearest = |at| nearest(&training, embeddings.surface(at));
+            let nearest = parallel::map(0..embeddings.surfaces(), nearest);
             for at in places {
                 let values = &models[at].values;
                 all[at] = nearest.iter().map(|&surface| values[surface]).collect();

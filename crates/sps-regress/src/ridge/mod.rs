@@ -22,13 +22,13 @@
 mod fit;
 
 use ndarray::ArrayView1;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sps_base::parallel;
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedModel};
-use crate::groups::fit_groups;
+use crate::groups::{Job, fit_groups};
 use crate::plan::{Plan, TrainingData, Trial};
 use crate::regressor::{check_finite, check_positive};
 use fit::Axes;
@@ -86,8 +86,8 @@ impl Ridge {
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
         let ridges = fit_groups(data, plan, |group| {
             let axes = Axes::new(&group.embeddings, &self.0.penalties, &group.left_out)?;
-            let fits = group.jobs.par_iter();
-            Ok(fits.map(|job| axes.fit(job.trial, &job.values)).collect())
+            let fit = |job: &Job<'_>| axes.fit(job.trial, &job.values);
+            Ok(parallel::map(&group.jobs, fit))
         })?;
         Ok(Fitted(ridges))
     }
@@ -146,8 +146,7 @@ impl FittedModel for TrainedRidge {
     }
 
     fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
-        let estimates = models.par_iter().map(|model| model.predict(embeddings));
-        let estimates: Vec<Result<_>> = estimates.collect();
+        let estimates = parallel::map(models, |model| model.predict(embeddings));
         estimates.into_iter().collect()
     }
 

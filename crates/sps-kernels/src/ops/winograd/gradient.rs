@@ -1,6 +1,6 @@
 //! The gradient of the weights.
 
-use rayon::prelude::*;
+use sps_base::parallel;
 
 use super::points::of_sums;
 use super::transforms::{TransformGradients, TransformInputs};
@@ -46,9 +46,8 @@ pub(in crate::ops) fn weight_gradient(
         let shape = [times, inputs, outputs];
         sums_of_products(level, shape, reach, gradient, &tiles)
     };
-    let parts: Vec<Vec<f32>> = (0..parts).into_par_iter().map(part).collect();
-    let rows = target.par_chunks_exact_mut(inputs * 9 * times).enumerate();
-    rows.for_each(|(output, target)| {
+    let parts: Vec<Vec<f32>> = parallel::map(0..parts, part);
+    parallel::each_chunk(target, inputs * 9 * times, |output, target| {
         for time in 0..times {
             let mut sums = vec![[0.0; PRODUCTS]; inputs];
             for part in &parts {

@@ -1,8 +1,5 @@
 //! What regressors learn from: embeddings of photographs, and tactile readings.
 
-#[cfg(test)]
-mod tests;
-
 use std::ops::Range;
 
 use ndarray::Array2;

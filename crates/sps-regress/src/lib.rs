@@ -7,6 +7,7 @@ mod error;
 mod fitted;
 #[cfg(test)]
 #[path = "../../../fixtures/golden/rule.rs"]
+#[allow(dead_code, reason = "how far results are off is told otherwise here")]
 mod golden;
 mod groups;
 pub mod kernel_ridge;

@@ -1,8 +1,5 @@
 //! Principal components.
 
-#[cfg(test)]
-mod tests;
-
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, Par, Spec};

@@ -5,8 +5,6 @@ mod fit;
 mod kernel;
 mod set_losses;
 mod store;
-#[cfg(test)]
-mod tests;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -339,5 +337,27 @@ impl<'a> Sharing<'a> {
             estimates
         };
         self.ridges.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However far a kernel leans, all weights are 1 together.
+    #[test]
+    fn kernels_lean() {
+        for (leaning, expected) in [(1e308, [0.0, 0.0, 1.0]), (-1e308, [1.0, 0.0, 0.0])] {
+            let shape = Shape {
+                leaning,
+                ..Shape::even(Kernel::Exponential, 1.0)
+            };
+            assert_eq!([0, 1, 2].map(|block| shape.weight(block, 3)), expected);
+        }
+        // Of one block alone both are one kernel, which is fitted once.
+        let one = Embeddings::new(vec![0.5; 8], [1, 1, 8]).unwrap();
+        let blocks = one.clone().in_blocks(&[4, 4]).unwrap();
+        let shapes = [one, blocks].map(|of| KernelRidge::default().shapes(&of).len());
+        assert_eq!(shapes, [1, 2]);
     }
 }

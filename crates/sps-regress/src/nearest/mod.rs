@@ -1,8 +1,6 @@
 //! The nearest neighbour in the embedding: a floor that learns nothing.
 
 mod store;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
 

@@ -2,8 +2,6 @@
 //! has not seen.
 
 mod store;
-#[cfg(test)]
-mod tests;
 mod weights;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,9 +1,8 @@
-use super::*;
+use sps_regress::nearest::Nearest;
+use sps_regress::ridge::Ridge;
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
+
 use crate::golden::uniform;
-use crate::nearest::Nearest;
-use crate::plan::{Plan, Rerun, TrainingData, Views};
-use crate::regressor::FittedRegressor;
-use crate::ridge::Ridge;
 
 /// Two views of two blocks, 2 and 3 wide, each of which is measured in units of its own.
 fn embeddings(units: [f32; 4]) -> Embeddings {
@@ -21,11 +20,10 @@ fn embeddings(units: [f32; 4]) -> Embeddings {
 
 #[test]
 fn every_block_of_every_view_is_brought_to_a_mean_variance_of_1() {
-    let found = embeddings([1.0, 100.0, 0.01, 0.0]);
-    let found = found.balanced();
+    let found = embeddings([1.0, 100.0, 0.01, 0.0]).balanced();
     for (place, expected) in [(0..2, 1.0), (2..5, 1.0), (5..7, 1.0), (7..10, 0.0)] {
         let variance = |feature: usize| {
-            let values = (0..30).map(|s| f64::from(found.surface(s)[feature]));
+            let values = (0..30).map(|s| f64::from(found.values()[10 * s + feature]));
             let values: Vec<f64> = values.collect();
             let mean = values.iter().sum::<f64>() / 30.0;
             values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 30.0
@@ -34,8 +32,9 @@ fn every_block_of_every_view_is_brought_to_a_mean_variance_of_1() {
         let mean = place.clone().map(variance).sum::<f64>() / count;
         assert!((mean - expected).abs() < 1e-5, "{place:?}: {mean}");
     }
-    let one = found.clone().in_blocks(&[5]).unwrap();
-    assert_eq!(one.balance(), [1.0; 10]);
+    let one = embeddings([1.0, 100.0, 0.01, 1.0]).in_blocks(&[5]);
+    let one = one.unwrap();
+    assert_eq!(one.balanced(), one);
 }
 
 /// Powers of two change no bit, so that estimates must be the same to the last.

@@ -1,7 +1,7 @@
 use ndarray::{Array2, array};
 use safetensors::SafeTensors;
+use sps_regress::Pca;
 
-use super::*;
 use crate::golden;
 
 #[test]
@@ -40,8 +40,9 @@ fn rows_that_are_not_finite_are_refused() {
 }
 
 mod hard_cases {
+    use sps_regress::Standardiser;
+
     use super::*;
-    use crate::standardise::Standardiser;
 
     /// Less the mean over the spread, rounding or not.
     fn naively_standardised(values: &[f64]) -> Vec<f64> {

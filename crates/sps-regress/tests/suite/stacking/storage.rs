@@ -1,7 +1,12 @@
 //! Stacks, and models of every kind, as bytes and back.
 
+use std::collections::HashMap;
+
+use safetensors::Dtype;
+use safetensors::tensor::TensorView;
+use sps_regress::{OtherKind, Readings, fitted_from_bytes};
+
 use super::*;
-use crate::regressor::{OtherKind, fitted_from_bytes};
 
 fn regressors() -> Vec<(&'static str, Box<dyn Regressor>)> {
     let ridge = Ridge::default();
@@ -21,20 +26,20 @@ fn stack(count: usize) -> Stacking {
 
 #[test]
 fn bytes_give_back_the_same_estimates() {
-    let mut set = Set::new(30);
+    let mut set = Set::stacked(30);
     // A missing reading parts the training surfaces of the properties in rerun 0; in rerun 1 they share them.
     let rows = (0..30).map(|s| set.readings.row(s).unwrap().to_vec());
     let mut rows: Vec<_> = rows.collect();
     rows[0][0] = None;
     set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
-    let (data, plan) = (set.data(), set.plan(2));
+    let (data, plan) = (set.data(), set.reruns(2));
     let mut all = regressors();
     all.push(("stacks", Box::new(stack(2))));
     let within: Vec<Box<dyn Regressor>> = vec![Box::new(Nearest), Box::new(stack(1))];
     all.push(("stacks", Box::new(Stacking::new(within, 3).unwrap())));
     let fitted = all.into_iter().flat_map(|(kind, regressor)| {
         let fitted = regressor.fit(&data, &plan).unwrap();
-        let one = fitted.filtered(&|trial| trial.property == "noise");
+        let one = fitted.filtered(&|trial| trial.property == "p1");
         [(kind, fitted), (kind, one)]
     });
     for (kind, fitted) in fitted {
@@ -59,7 +64,7 @@ fn bytes_give_back_the_same_estimates() {
 fn a_kind_that_there_is_not_is_told_those_that_there_are() {
     let rules = OtherKind {
         kind: "rules",
-        read: |name, _| Err(Error::input("rules", name, "none")),
+        read: |name, _| Err(Error::Other(format!("rules of {name}").into())),
     };
     let error = fitted_from_bytes("ridge", "model.bin", b"", &[rules]);
     assert_eq!(
@@ -68,61 +73,91 @@ fn a_kind_that_there_is_not_is_told_those_that_there_are() {
          kernel-ridges, nearest, stacks"
     );
     let error = fitted_from_bytes("rules", "model.bin", b"", &[rules]);
-    let said = "rules: found model.bin, expected none";
-    assert_eq!(error.err().unwrap().to_string(), said);
+    assert_eq!(error.err().unwrap().to_string(), "rules of model.bin");
 }
 
-/// A stack of one member for one trial.
-fn of_one(weight: f64, member: &dyn FittedRegressor) -> TrainedStacks {
-    let trial = member.trials()[0].clone();
-    let member = member.filtered(&|other| *other == trial);
-    let stack = TrainedStack {
-        trial,
-        mean: 0.5,
-        weights: vec![weight],
-    };
-    TrainedStacks {
-        stacks: vec![stack],
-        members: vec![member],
+/// So many stacks, each the one member of the next.
+fn nested(depth: usize) -> Box<dyn Regressor> {
+    match depth {
+        0 => Box::new(Nearest),
+        depth => Box::new(Stacking::new(vec![nested(depth - 1)], 2).unwrap()),
     }
 }
 
 #[test]
 fn what_could_not_be_read_again_is_not_written() {
-    let set = Set::new(30);
-    let rule = Rule::new(|_| 1.0).fit(&set.data(), &set.plan(1)).unwrap();
-    refused(of_one(1.0, rule.as_ref()).to_bytes(), "\"rules\"");
-    let mut fitted = Nearest.fit(&set.data(), &set.plan(1)).unwrap();
-    refused(of_one(f64::NAN, fitted.as_ref()).to_bytes(), "finite");
-    fitted = Nearest.fit(&set.data(), &set.plan(1)).unwrap();
-    for _ in 0..MOST_DEPTH {
-        fitted = Box::new(of_one(1.0, fitted.as_ref()));
-        let bytes = fitted.to_bytes().unwrap();
-        let read = fitted_from_bytes("stacks", "file", &bytes, &[]).unwrap();
-        let [found, expected] = [&read, &fitted].map(|f| f.predict(&set.embeddings).unwrap());
-        assert_eq!(found, expected);
-    }
-    refused(of_one(1.0, fitted.as_ref()).to_bytes(), "9 deep");
+    let set = Set::stacked(30);
+    let mut rule = Rule::new(|x| f64::from(x[0]));
+    rule.kept = false;
+    let stack = Stacking::new(vec![Box::new(rule)], 2).unwrap();
+    let stacks = stack.train(&set.data(), &set.reruns(1)).unwrap();
+    refused(stacks.to_bytes(), "\"rules\"");
+    let fitted = nested(9).fit(&set.data(), &set.reruns(1)).unwrap();
+    refused(fitted.to_bytes(), "9 deep");
 }
 
-/// The file with something else in its metadata, which are JSON in a string of JSON.
-fn with(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
-    let (length, rest) = bytes.split_first_chunk::<8>().unwrap();
-    let (header, tensors) = rest.split_at(u64::from_le_bytes(*length) as usize);
-    let header = std::str::from_utf8(header).unwrap();
-    let [from, to] = [from, to].map(|text| text.replace('"', "\\\""));
-    assert!(header.contains(&from), "{header}");
-    let header = header.replacen(&from, &to, 1);
-    let length = (header.len() as u64).to_le_bytes();
-    [&length, header.as_bytes(), tensors].concat()
+/// What a weight would have to be for a rule that says next to nothing.
+#[test]
+fn a_weight_that_is_not_finite_is_not_written() {
+    let signs = (0..30).map(|s| [1.0_f32, -1.0][s % 2]);
+    let readings = signs.clone().map(|x| Some(1e160 * f64::from(x))).collect();
+    let set = Set::of(
+        Embeddings::new(signs.collect(), [30, 1, 1]).unwrap(),
+        &[readings],
+    );
+    let rule = Rule::new(|x| 1e-160 * f64::from(x[0]));
+    let stack = Stacking::new(vec![Box::new(rule)], 2).unwrap();
+    let stacks = stack.train(&set.data(), &set.reruns(1)).unwrap();
+    refused(stacks.to_bytes(), "stacks: found inf, expected finite");
+}
+
+/// The metadata of a stack of one member, for the first trial.
+fn metadata(depth: usize, member: &str, weight: f64) -> String {
+    let trial = r#"{"property":"p0","rerun":0,"views":{"fixed":[0]}}"#;
+    let stack = format!(r#"{{"trial":{trial},"mean":0.5,"weights":[{weight:?}]}}"#);
+    format!(r#"{{"format":1,"depth":{depth},"members":["{member}"],"stacks":[{stack}]}}"#)
+}
+
+fn file(metadata: &str, member: &dyn FittedRegressor) -> Vec<u8> {
+    let member = member.to_bytes().unwrap();
+    let member = TensorView::new(Dtype::U8, vec![member.len()], &member).unwrap();
+    let metadata = HashMap::from([("sps-stacks".into(), metadata.into())]);
+    safetensors::serialize([("0", member)], Some(metadata)).unwrap()
+}
+
+/// Of the first trial, with stacks of weight 1 over it.
+fn deep(depth: usize, set: &Set) -> Box<dyn FittedRegressor> {
+    if depth == 0 {
+        let fitted = Nearest.fit(&set.data(), &set.reruns(1)).unwrap();
+        return fitted.filtered(&|trial| trial.property == "p0");
+    }
+    let member = deep(depth - 1, set);
+    let bytes = file(&metadata(depth, member.kind(), 1.0), member.as_ref());
+    let read = fitted_from_bytes("stacks", "file", &bytes, &[]).unwrap();
+    assert!(read.to_bytes().unwrap() == bytes);
+    read
+}
+
+#[test]
+fn stacks_may_be_8_deep() {
+    let set = Set::stacked(30);
+    let values = |depth| {
+        deep(depth, &set)
+            .predict(&set.embeddings)
+            .unwrap()
+            .remove(0)
+            .values
+    };
+    for (found, expected) in values(8).iter().zip(values(0)) {
+        assert!((found - expected).abs() < 1e-12);
+    }
 }
 
 #[test]
 fn stacks_that_do_not_fit_together_are_refused() {
-    let set = Set::new(30);
-    let fitted = Nearest.fit(&set.data(), &set.plan(1)).unwrap();
-    let inner = of_one(0.25, fitted.as_ref());
-    let bytes = of_one(0.5, &inner).to_bytes().unwrap();
+    let inner = deep(1, &Set::stacked(30));
+    let outer = metadata(2, "stacks", 0.5);
+    assert!(fitted_from_bytes("stacks", "file", &file(&outer, inner.as_ref()), &[]).is_ok());
     let (members, weights) = (r#"["stacks"]"#, "\"weights\":[0.5]");
     for (from, to, expected) in [
         ("\"format\":1", "\"format\":2", "format 2"),
@@ -147,9 +182,10 @@ fn stacks_that_do_not_fit_together_are_refused() {
         ("\"rerun\":0", "\"rerun\":1", "member 0 of 1 trials"),
         ("\"mean\"", "\"median\"", "median"),
     ] {
-        let changed = with(&bytes, from, to);
-        let read = TrainedStacks::from_bytes(MOST_DEPTH, &changed, &[]);
-        refused(read, expected);
-        refused(fitted_from_bytes("stacks", "file", &changed, &[]), "file: ");
+        assert!(outer.contains(from), "{from}");
+        let changed = file(&outer.replacen(from, to, 1), inner.as_ref());
+        let read = || fitted_from_bytes("stacks", "file", &changed, &[]);
+        refused(read(), expected);
+        refused(read(), "file: ");
     }
 }

@@ -2,38 +2,31 @@ mod storage;
 
 use std::sync::{Arc, Mutex};
 
-use super::*;
-use crate::data::Readings;
-use crate::fitted::{Fitted, FittedModel};
-use crate::golden::uniform;
-use crate::kernel_ridge::KernelRidge;
-use crate::nearest::Nearest;
-use crate::ridge::Ridge;
+use safetensors::SafeTensors;
+use sps_regress::kernel_ridge::KernelRidge;
+use sps_regress::nearest::Nearest;
+use sps_regress::ridge::Ridge;
+use sps_regress::stacking::{Stacking, TrainedStacks};
+use sps_regress::{
+    Embeddings, Error, Estimates, FittedRegressor, Plan, Regressor, Rerun, Result, TrainingData,
+    Trial, Views,
+};
 
-/// Surfaces whose feature 0 is the reading of `seen`; `noise` is in no feature.
-struct Set {
-    embeddings: Embeddings,
-    readings: Readings,
-}
+use crate::golden::uniform;
+use crate::support::Set;
 
 impl Set {
-    fn new(surfaces: usize) -> Self {
+    /// Feature 0 is the reading of `p0`; `p1` is in no feature.
+    fn stacked(surfaces: usize) -> Self {
         let values = uniform("stacking.x", surfaces * 3);
-        let noise = uniform("stacking.noise", surfaces);
-        let row = |s: usize| vec![Some(f64::from(values[3 * s] as f32)), Some(noise[s])];
-        let rows: Vec<Vec<_>> = (0..surfaces).map(row).collect();
-        let values: Vec<f32> = values.into_iter().map(|x| x as f32).collect();
-        Self {
-            embeddings: Embeddings::new(values, [surfaces, 1, 3]).unwrap(),
-            readings: Readings::new(vec!["seen".into(), "noise".into()], &rows).unwrap(),
-        }
+        let seen = values.chunks(3).map(|x| Some(x[0])).collect();
+        let noise = uniform("stacking.noise", surfaces).into_iter().map(Some);
+        let values = values.iter().map(|&x| x as f32).collect();
+        let embeddings = Embeddings::new(values, [surfaces, 1, 3]).unwrap();
+        Self::of(embeddings, &[seen, noise.collect()])
     }
 
-    fn data(&self) -> TrainingData<'_> {
-        TrainingData::new(&self.embeddings, &self.readings)
-    }
-
-    fn plan(&self, reruns: u64) -> Plan {
+    fn reruns(&self, reruns: u64) -> Plan {
         let rerun = |number| Rerun::new(number, number as usize..number as usize + 24);
         let reruns = (0..reruns).map(rerun).collect();
         Plan::each(5, self.readings.properties(), reruns)
@@ -41,16 +34,13 @@ impl Set {
 }
 
 /// Says what a rule says of an embedding, and remembers what it was trained on.
+#[derive(Clone)]
 struct Rule {
     says: fn(&[f32]) -> f64,
     plans: Arc<Mutex<Vec<Plan>>>,
+    trials: Vec<Trial>,
     stops_early: bool,
-}
-
-#[derive(Clone)]
-struct FittedRule {
-    says: fn(&[f32]) -> f64,
-    trial: Trial,
+    kept: bool,
 }
 
 impl Rule {
@@ -58,7 +48,9 @@ impl Rule {
         Self {
             says,
             plans: Arc::default(),
+            trials: Vec::new(),
             stops_early: false,
+            kept: true,
         }
     }
 }
@@ -66,11 +58,11 @@ impl Rule {
 impl Regressor for Rule {
     fn fit(&self, _: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
         self.plans.lock().unwrap().push(plan.clone());
-        let fitted = |trial: &Trial| FittedRule {
-            says: self.says,
-            trial: trial.clone(),
-        };
-        Ok(Box::new(Fitted(plan.trials.iter().map(fitted).collect())))
+        let trials = plan.trials.clone();
+        Ok(Box::new(Self {
+            trials,
+            ..self.clone()
+        }))
     }
 
     fn needs_validation(&self) -> bool {
@@ -78,30 +70,38 @@ impl Regressor for Rule {
     }
 }
 
-impl FittedModel for FittedRule {
-    const KIND: &'static str = "rules";
-
-    fn trial(&self) -> &Trial {
-        &self.trial
+impl FittedRegressor for Rule {
+    fn trials(&self) -> Vec<&Trial> {
+        self.trials.iter().collect()
     }
 
-    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
-        let surfaces = || (0..embeddings.surfaces()).map(|s| embeddings.surface(s));
-        let estimates = models.iter().map(|one| surfaces().map(one.says).collect());
+    fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
+        let surfaces = || (0..embeddings.surfaces()).filter_map(|s| embeddings.get(s, 0));
+        let estimates = self.trials.iter().map(|trial| Estimates {
+            property: trial.property.clone(),
+            rerun: trial.rerun,
+            values: surfaces().map(self.says).collect(),
+        });
         Ok(estimates.collect())
     }
 
-    fn multiply_adds(models: &[Self]) -> u64 {
-        models.len() as u64
+    fn filtered(&self, keep: &dyn Fn(&Trial) -> bool) -> Box<dyn FittedRegressor> {
+        let mut kept = self.clone();
+        kept.trials.retain(keep);
+        Box::new(kept)
     }
 
-    fn to_bytes(_: &[Self]) -> Result<Vec<u8>> {
-        let what = "kind of fitted models";
-        Err(Error::input(what, "\"rules\"", "one that is kept"))
+    fn multiply_adds(&self) -> u64 {
+        self.trials.len() as u64
     }
 
-    fn from_bytes(_: &[u8]) -> Result<Vec<Self>> {
-        unreachable!("it is not kept")
+    fn kind(&self) -> &'static str {
+        "rules"
+    }
+
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        let refused = || Error::Other("\"rules\" are not kept".into());
+        self.kept.then(Vec::new).ok_or_else(refused)
     }
 }
 
@@ -109,6 +109,17 @@ fn refused<T>(outcome: Result<T>, expected: &str) {
     let error = outcome.err().map(|error| error.to_string());
     let error = error.unwrap_or_default();
     assert!(error.contains(expected), "{error:?}, not {expected:?}");
+}
+
+/// The weights of each stack, as they are stored.
+fn weights(stacks: &TrainedStacks) -> Vec<Vec<f64>> {
+    let bytes = stacks.to_bytes().unwrap();
+    let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+    let metadata = &header.metadata().as_ref().unwrap()["sps-stacks"];
+    let metadata: serde_json::Value = serde_json::from_str(metadata).unwrap();
+    let stacks = metadata["stacks"].as_array().unwrap().iter();
+    let weights = stacks.map(|stack| serde_json::from_value(stack["weights"].clone()).unwrap());
+    weights.collect()
 }
 
 fn three() -> Stacking {
@@ -122,14 +133,14 @@ fn three() -> Stacking {
 
 #[test]
 fn a_perfect_member_has_all_the_weight() {
-    let set = Set::new(30);
+    let set = Set::stacked(30);
     let wrong = Rule::new(|x| f64::from(x[0] + x[1] - 0.5 * x[2]));
     let perfect = Rule::new(|x| f64::from(x[0]));
     let stacking = Stacking::new(vec![Box::new(wrong), Box::new(perfect)], 3).unwrap();
-    let mut plan = set.plan(1);
+    let mut plan = set.reruns(1);
     plan.trials.truncate(1);
     let stacks = stacking.train(&set.data(), &plan).unwrap();
-    let weights = &stacks.stacks[0].weights;
+    let weights = &weights(&stacks)[0];
     let all = weights[0].abs() < 1e-12 && (weights[1] - 1.0).abs() < 1e-12;
     assert!(all, "{weights:?}");
     let estimates = stacks.predict(&set.embeddings).unwrap();
@@ -140,14 +151,14 @@ fn a_perfect_member_has_all_the_weight() {
 
 #[test]
 fn what_cannot_be_predicted_gets_the_mean() {
-    let set = Set::new(30);
+    let set = Set::stacked(30);
     let kernel = KernelRidge::default();
     // It says the contrary of what is: a weight below zero would fit.
     let contrary = Rule::new(|x| f64::from(-x[0]));
     let stacking = Stacking::new(vec![Box::new(contrary), Box::new(kernel)], 4).unwrap();
-    let stacks = stacking.train(&set.data(), &set.plan(1)).unwrap();
-    assert_eq!(stacks.stacks[0].weights[0], 0.0);
-    let mut plan = set.plan(1);
+    let stacks = stacking.train(&set.data(), &set.reruns(1)).unwrap();
+    assert_eq!(weights(&stacks)[0][0], 0.0);
+    let mut plan = set.reruns(1);
     plan.trials.remove(0);
     let rule = Rule::new(|_| 1e3);
     let stacks = Stacking::new(vec![Box::new(rule)], 4).unwrap();
@@ -163,7 +174,7 @@ fn what_cannot_be_predicted_gets_the_mean() {
 /// Units of three surfaces each, on any seed.
 #[test]
 fn folds_never_split_a_unit() {
-    let set = Set::new(40);
+    let set = Set::stacked(40);
     let units: Vec<usize> = (0..40).map(|surface| 100 - surface / 3).collect();
     for seed in 0..20 {
         let rule = Rule::new(|x| f64::from(x[0]));
@@ -171,7 +182,7 @@ fn folds_never_split_a_unit() {
         let stacking = Stacking::new(vec![Box::new(rule)], 3).unwrap();
         let plan = Plan {
             seed,
-            ..set.plan(2)
+            ..set.reruns(2)
         };
         let data = set.data().with_units(&units);
         stacking.train(&data, &plan).unwrap();
@@ -191,8 +202,8 @@ fn folds_never_split_a_unit() {
 /// A trial has the bits that it would have alone.
 #[test]
 fn company_changes_nothing() {
-    let set = Set::new(40);
-    let plan = set.plan(3);
+    let set = Set::stacked(40);
+    let plan = set.reruns(3);
     let all = three().train(&set.data(), &plan).unwrap();
     let estimates = all.predict(&set.embeddings).unwrap();
     for (at, trial) in plan.trials.iter().enumerate() {
@@ -202,28 +213,27 @@ fn company_changes_nothing() {
             ..plan
         };
         let alone = three().train(&set.data(), &alone).unwrap();
-        assert_eq!(alone.stacks, all.stacks[at..=at]);
         assert_eq!(alone.predict(&set.embeddings).unwrap(), estimates[at..=at]);
         let kept = all.filtered(&|other| other == trial);
+        assert!(alone.to_bytes().unwrap() == kept.to_bytes().unwrap());
         assert_eq!(kept.predict(&set.embeddings).unwrap(), estimates[at..=at]);
     }
 }
 
 #[test]
 fn hard_cases() {
-    let set = Set::new(40);
+    let set = Set::stacked(40);
     // One unit: nothing can be held out, and the mean is what is left.
-    let stacks = three().train(&set.data().with_units(&[7; 40]), &set.plan(1));
+    let stacks = three().train(&set.data().with_units(&[7; 40]), &set.reruns(1));
     let stacks = stacks.unwrap();
-    let mut all = stacks.stacks.iter();
-    assert!(all.all(|stack| stack.weights == [0.0; 3]));
+    assert_eq!(weights(&stacks), [[0.0; 3]; 2]);
     assert_eq!(stacks.multiply_adds(), 0);
     let odd = set.data().with_units(&[1]);
-    refused(three().train(&odd, &set.plan(1)), "units");
-    let mut plan = set.plan(1);
+    refused(three().train(&odd, &set.reruns(1)), "units");
+    let mut plan = set.reruns(1);
     plan.trials[1].views = Views::Random;
     refused(three().train(&set.data(), &plan), "views");
-    let mut plan = set.plan(1);
+    let mut plan = set.reruns(1);
     plan.reruns[0].number = u64::MAX;
     for trial in &mut plan.trials {
         trial.rerun = u64::MAX;

@@ -1,7 +1,7 @@
-use super::*;
-use crate::data::Readings;
-use crate::plan::{Rerun, Views};
-use crate::regressor::FittedRegressor;
+use sps_regress::nearest::{Nearest, TrainedNearests, squared_distance};
+use sps_regress::{
+    Embeddings, FittedRegressor, Plan, Readings, Rerun, Result, TrainingData, Views,
+};
 
 /// Five surfaces on a line, of two views each, and the readings of two properties.
 fn fitted(properties: [[Option<f64>; 5]; 2]) -> Result<TrainedNearests> {

@@ -1,5 +1,8 @@
 use std::collections::BTreeSet;
 
+use safetensors::SafeTensors;
+use sps_regress::Error;
+
 use super::*;
 
 #[test]
@@ -50,14 +53,12 @@ fn gaps_are_left_out() {
     gaps[..6].fill(None);
     let set = Set::new(shape, &[smooth(shape), gaps.clone()]);
     let trained = set.train(&KernelRidgeConfig::default(), 30, &[0]).unwrap();
-    let plan = Plan {
-        reruns: vec![Rerun::new(0, 6..30)],
-        ..set.plan(30, &[0])
-    };
+    let plan = set.plan(6..30, &[0]);
     let ridge = KernelRidge::default();
     let without = ridge.train(&set.data(), &plan).unwrap();
-    assert_eq!(trained.0[1], without.0[1]);
-    assert_ne!(trained.0[0].fit, without.0[0].fit);
+    assert_eq!(trained.models()[1], without.models()[1]);
+    let errors = [&trained, &without].map(|all| all.models()[0].left_out_error());
+    assert_ne!(errors[0], errors[1]);
 }
 
 #[test]
@@ -78,29 +79,10 @@ fn what_does_not_fit_is_refused() {
     let trained = set.train(&KernelRidgeConfig::default(), 20, &[0]).unwrap();
     let error = trained.predict(&set.embeddings).unwrap_err();
     assert!(error.to_string().contains("2 views of width 3"), "{error}");
-    let mut plan = set.plan(20, &[0]);
+    let mut plan = set.plan(0..20, &[0]);
     plan.trials[0].views = Views::Random;
     let ridge = KernelRidge::default();
     assert!(ridge.train(&set.data(), &plan).is_err());
-}
-
-/// On two views; the first two regressions share their training surfaces.
-#[test]
-fn stored_regressions_are_what_they_were() {
-    let shape = (30, 2, 4);
-    let mut gaps = smooth(shape);
-    gaps[0] = None;
-    let columns = [smooth(shape), column("kernel.noise", 30), gaps];
-    let set = Set::new(shape, &columns);
-    let trained = set.train(&KernelRidgeConfig::default(), 25, &[0, 1]);
-    let trained = trained.unwrap();
-    let bytes = trained.to_bytes().unwrap();
-    let again = TrainedKernelRidges::from_bytes(&bytes).unwrap();
-    assert_eq!(trained, again);
-    assert_eq!(again.to_bytes().unwrap(), bytes);
-    for length in 0..bytes.len() {
-        assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
-    }
 }
 
 /// Readings whose mean leaves f64, and such whose squares do.
@@ -115,7 +97,7 @@ fn numbers_that_are_not_finite_cannot_be_stored() {
         let message = stored.unwrap_err().to_string();
         assert!(message.contains("finite"), "{message}");
         let ridge = Ridge::default();
-        let trained = ridge.train(&set.data(), &set.plan(5, &[0])).unwrap();
+        let trained = ridge.train(&set.data(), &set.plan(0..5, &[0])).unwrap();
         if reading == f64::MAX {
             let message = trained.to_bytes().unwrap_err().to_string();
             assert!(message.contains("finite"), "{message}");
@@ -127,31 +109,48 @@ fn numbers_that_are_not_finite_cannot_be_stored() {
 #[test]
 fn of_many_surfaces_some_are_drawn() {
     let set = Set::new((60, 1, 4), &[smooth((60, 1, 4))]);
-    let few = KernelRidgeConfig {
-        at_most: 12,
+    let few = |at_most| KernelRidgeConfig {
+        at_most,
         ..KernelRidgeConfig::default()
     };
-    let plan = set.plan(50, &[0]);
-    let thinned = plan.thinned(12);
-    let drawn: BTreeSet<usize> = thinned.reruns[0].training.iter().copied().collect();
-    assert_eq!((drawn.len(), drawn.iter().all(|&s| s < 50)), (12, true));
-    assert_eq!(plan.thinned(50), plan);
-
-    let fit = |config: &KernelRidgeConfig, plan: &Plan| {
-        let ridge = KernelRidge::new(config.clone()).unwrap();
+    let fit = |at_most: usize, plan: &Plan| {
+        let ridge = KernelRidge::new(few(at_most)).unwrap();
         ridge.train(&set.data(), plan).unwrap()
     };
-    let found = fit(&few, &plan);
-    assert_eq!(found, fit(&KernelRidgeConfig::default(), &thinned));
+    let plan = set.plan(0..50, &[0]);
+    let found = fit(12, &plan);
+    let drawn = drawn(&set, &found);
+    assert_eq!((drawn.len(), drawn.iter().all(|&s| s < 50)), (12, true));
+    let mut thinned = plan.clone();
+    thinned.reruns[0].training = drawn.iter().copied().collect();
+    assert_eq!(found, fit(4000, &thinned));
+    assert_eq!(fit(50, &plan), fit(4000, &plan));
+
     let mut turned = plan.clone();
     turned.reruns[0].training.reverse();
-    assert_eq!(found, fit(&few, &turned));
+    assert_eq!(found, fit(12, &turned));
     let mut other = plan;
     other.reruns[0].number = 1;
-    let others = &other.thinned(12).reruns[0].training;
-    assert_ne!(drawn, others.iter().copied().collect());
+    other.trials[0].rerun = 1;
+    assert_ne!(drawn, self::drawn(&set, &fit(12, &other)));
 
-    let none = KernelRidgeConfig { at_most: 0, ..few };
-    let error = KernelRidge::new(none).unwrap_err().to_string();
+    let error = KernelRidge::new(few(0)).unwrap_err().to_string();
     assert!(error.contains("at least 1"), "{error}");
+}
+
+/// The surfaces that a regression keeps.
+fn drawn(set: &Set, trained: &TrainedKernelRidges) -> BTreeSet<usize> {
+    let bytes = trained.to_bytes().unwrap();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let kept = file.tensor("0/embeddings").unwrap();
+    let surface = |row: &[u8]| {
+        let values = |s: &usize| set.embeddings.get(*s, 0).unwrap().iter();
+        let same = |s: &usize| {
+            values(s)
+                .flat_map(|v| v.to_le_bytes())
+                .eq(row.iter().copied())
+        };
+        (0..60).find(same).unwrap()
+    };
+    kept.data().chunks(16).map(surface).collect()
 }

@@ -116,7 +116,8 @@ impl Windows {
             return Err(Error::input("windows", found, expected));
         }
         let mut embeddings = vec![0.0; values];
-        parallel::each_chunk(&mut embeddings, columns * width, |row, out| {
+        let outs = embeddings.chunks_mut((columns * width).max(1)).enumerate();
+        parallel::each(outs, |(row, out)| {
             for (column, mut out) in out.chunks_exact_mut(width).enumerate() {
                 for (sums, [rows, columns]) in depths.iter().zip(&cells) {
                     let (block, rest) = out.split_at_mut(sums.width);

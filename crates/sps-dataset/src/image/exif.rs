@@ -32,7 +32,8 @@ impl Orientation {
         let (origin, right, down) = self.steps(stored);
         let stored_at = |x: usize, y: usize| origin + x as isize * right + y as isize * down;
         let mut turned = vec![[0; N]; pixels.len()];
-        parallel::each_chunk(&mut turned, upright.width * TILE, |band, rows| {
+        let bands = turned.chunks_mut(upright.width * TILE).enumerate();
+        parallel::each(bands, |(band, rows)| {
             for left in (0..upright.width).step_by(TILE) {
                 for (y, row) in (band * TILE..).zip(rows.chunks_exact_mut(upright.width)) {
                     for (x, pixel) in (left..).zip(row[left..].iter_mut().take(TILE)) {

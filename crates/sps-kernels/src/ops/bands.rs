@@ -178,29 +178,25 @@ pub(super) fn for_each_band_of<W: Word>(
 pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
     let helpers = team().min(items.len()).saturating_sub(1);
     let items = Mutex::new(items.into_iter());
-    let next = |end: End| {
+    let take = |last: bool| {
         let mut items = items.lock().unwrap_or_else(PoisonError::into_inner);
-        match end {
-            End::First => items.next(),
-            End::Last => items.next_back(),
-        }
+        let item = if last {
+            items.next_back()
+        } else {
+            items.next()
+        };
+        drop(items);
+        item.map(&work).is_some()
     };
-    let take = |end| next(end).map(&work).is_some();
     if helpers == 0 {
-        while take(End::First) {}
+        while take(false) {}
     } else {
         share(helpers, &take);
     }
 }
 
-/// The end of a list that its next item is taken from.
-enum End {
-    First,
-    Last,
-}
-
-/// Calls `take` by the caller and by so many helpers until there is nothing to take.
-fn share(helpers: usize, take: &(dyn Fn(End) -> bool + Sync)) {
+/// Calls `take` by the caller, which takes the last item, and by so many helpers, which take the first, until there is none.
+fn share(helpers: usize, take: &(dyn Fn(bool) -> bool + Sync)) {
     let [begun, done] = [const { AtomicUsize::new(0) }; 2];
     rayon::scope(|scope| {
         for _ in 0..helpers {
@@ -210,11 +206,11 @@ fn share(helpers: usize, take: &(dyn Fn(End) -> bool + Sync)) {
                 });
                 begun.fetch_add(1, Ordering::Relaxed);
                 if !in_pass() {
-                    by_team(1, || while take(End::First) {});
+                    by_team(1, || while take(false) {});
                 }
             });
         }
-        while take(End::Last) {}
+        while take(true) {}
         // Where the scope waited itself, it would run passes of others.
         while done.load(Ordering::Relaxed) < helpers {
             let here = begun.load(Ordering::Relaxed) < helpers;

@@ -203,7 +203,8 @@ fn dense<W: Real>(
     let block = if taps == 1 { PIXELS } else { BLOCK };
     let blocks = || chunks(0..pairs.starts.len(), block);
     if taps == 1 && !turned && W::NUMBERS == 1 {
-        parallel::each_chunk(target, height * stride, |part, total| {
+        let parts = target.chunks_mut(height * stride).enumerate();
+        parallel::each(parts, |(part, total)| {
             total.fill(0.0);
             blocks().for_each(|pixels| sum((part * height, 0), pixels, [total, &mut []]));
         });
@@ -235,7 +236,8 @@ fn dense<W: Real>(
     };
     let places = (0..columns).map(|column| W::place(column, level.lanes()));
     let places: Vec<usize> = places.collect();
-    parallel::each_chunk(target, inputs * taps, |output, target| {
+    let outputs = target.chunks_mut(inputs * taps).enumerate();
+    parallel::each(outputs, |(output, target)| {
         for tap in 0..taps {
             let (of_run, first) = (tap / (run / inputs), tap % (run / inputs) * inputs);
             let values = target.iter_mut().skip(tap).step_by(taps);
@@ -273,7 +275,8 @@ fn dense_by_tiles<W: Real>(
         width,
     };
     let sums = sums.sums();
-    parallel::each_chunk(target, inputs * taps, |output, target| {
+    let outputs = target.chunks_mut(inputs * taps).enumerate();
+    parallel::each(outputs, |(output, target)| {
         for run in 0..runs.len() {
             let (mut place, mut left) = (run * (width / inputs), width);
             for values in sums.row(output, run) {
@@ -305,7 +308,8 @@ fn of_groups<W: Real>(
     }
     let stride = Outer::<W>::stride(level, outputs);
     let group_len = outputs * inputs * taps.len();
-    parallel::each_chunk(target, group_len, |group, target| {
+    let groups = target.chunks_mut(group_len).enumerate();
+    parallel::each(groups, |(group, target)| {
         let mut sums = vec![0.0; inputs * stride];
         let right = &pairs.gradient[W::words(group * outputs)..];
         for (tap, &offset) in taps.iter().enumerate() {

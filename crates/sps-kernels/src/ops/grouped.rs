@@ -161,7 +161,8 @@ pub(super) fn weight_gradient<W: Real>(
     target: &mut [f32],
 ) {
     let lanes = level.lanes();
-    parallel::each_chunk(target, lanes * group * taps.len(), |block, target| {
+    let blocks = target.chunks_mut(lanes * group * taps.len()).enumerate();
+    parallel::each(blocks, |(block, target)| {
         let first = W::words(block * lanes);
         let pairs = Pairs {
             source: &pairs.source[first..],

@@ -198,7 +198,8 @@ pub(crate) fn max_pool_backward<W: Real>(
 ) {
     let places = to.places();
     let pixels = pixels(to.size);
-    parallel::each_chunk(target, from.frame_len(), |frame, target| {
+    let frames = target.chunks_mut(from.frame_len().max(1)).enumerate();
+    parallel::each(frames, |(frame, target)| {
         let backward = PoolBackward {
             window,
             source,

@@ -47,7 +47,8 @@ pub(in crate::ops) fn weight_gradient(
         sums_of_products(level, shape, reach, gradient, &tiles)
     };
     let parts: Vec<Vec<f32>> = parallel::map(0..parts, part);
-    parallel::each_chunk(target, inputs * 9 * times, |output, target| {
+    let rows = target.chunks_mut(inputs * 9 * times).enumerate();
+    parallel::each(rows, |(output, target)| {
         for time in 0..times {
             let mut sums = vec![[0.0; PRODUCTS]; inputs];
             for part in &parts {

@@ -132,7 +132,7 @@ impl Folded {
             };
             let mut sum = 0.0;
             for weight in weights {
-                *weight = (f64::from(*weight) / step).round_ties_even() as f32;
+                *weight = (f64::from(*weight) / step + HALVES_TO_EVEN - HALVES_TO_EVEN) as f32;
                 sum += f64::from(*weight);
             }
             let step = step * f64::from(from.step);
@@ -146,6 +146,9 @@ impl Folded {
 
 /// The largest weight in int8.
 const LARGEST: f32 = 127.0;
+
+/// Added and taken away, it rounds small numbers to whole ones, as `round_ties_even` does by a call for each.
+const HALVES_TO_EVEN: f64 = 1.5 / f64::EPSILON;
 
 /// The maps around a convolution.
 #[derive(Debug, Clone, Copy)]

@@ -28,6 +28,7 @@ pub use sps_kernels::network::{Block, Depths};
 pub use sps_kernels::{Precision, WindowEmbeddings, Windows};
 pub use trainable::TrainableEncoder;
 
+use crate::differentiable::with_values;
 use crate::error::{Error, Result};
 use crate::weights::{TensorSpec, Weights};
 use input::{check, check_pixels, normalise};
@@ -408,9 +409,11 @@ fn content_hash(
     for (name, tensor) in weights.iter().filter(|(name, _)| counts(name)) {
         hasher.update(&(name.len() as u64).to_le_bytes());
         hasher.update(name.as_bytes());
-        let values: Vec<f32> = tensor.flatten_all()?.to_vec1()?;
-        let bytes: Vec<u8> = values.into_iter().flat_map(f32::to_le_bytes).collect();
-        hasher.update(&bytes);
+        with_values(tensor, |values: &[f32]| {
+            let bytes: Vec<[u8; 4]> = values.iter().map(|value| value.to_le_bytes()).collect();
+            hasher.update(bytes.as_flattened());
+            Ok(())
+        })?;
     }
     Ok(hasher.finalize())
 }

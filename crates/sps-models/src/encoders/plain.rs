@@ -105,11 +105,11 @@ impl<'a> Plain<'a> {
     fn conv(&self, conv: &Conv, x: &Tensor) -> Result<Tensor> {
         let window = conv.slide.window(extents(x)?);
         let weight = self.tensor(&conv.name, "weight")?;
-        let y = if weight.dim(1)? == 1 && conv.groups > 1 {
-            depthwise(&pad(x, &window)?, weight, &window)?
+        let y = if conv.groups > 1 || x.dtype() == DType::F64 {
+            convolve(&pad(x, &window)?, weight, &window, conv.groups)?
         } else {
             let (x, padding) = padded(x, &window)?;
-            x.conv2d(weight, padding, window.stride[1], 1, conv.groups)?
+            x.conv2d(weight, padding, window.stride[1], 1, 1)?
         };
         match &conv.norm {
             Some(norm) => self.batch_norm(&y, norm),
@@ -229,30 +229,39 @@ fn strided(
     count: usize,
 ) -> Result<Tensor> {
     let last = x.dim(dim)? - 1;
+    if stride == 1 && first + count <= last + 1 {
+        return Ok(x.narrow(dim, first, count)?);
+    }
     let places = (0..count).map(|i| (first + i * stride).min(last) as u32);
     Ok(x.index_select(&Tensor::from_iter(places, x.device())?, dim)?)
 }
 
-/// Depth-wise convolution of a padded map, a window's pixel at a time. Candle's own computes hundreds of channels one by
-/// one, and reads the machine's number of cores from a file for each.
-fn depthwise(x: &Tensor, weight: &Tensor, window: &Window) -> Result<Tensor> {
-    let (channels, _, height, width) = weight.dims4()?;
+/// Convolution of a padded map: one product a group, or with one channel in each, a window's pixel at a time. Candle's
+/// own computes groups one by one, adds maps of all groups for each in its backward pass, and has no vectors for f64 there.
+fn convolve(x: &Tensor, weight: &Tensor, window: &Window, groups: usize) -> Result<Tensor> {
+    let (outputs, inputs, height, width) = weight.dims4()?;
     let ([_, down, right], [_, rows, columns]) = (window.stride, extents(x)?);
     let count = [(rows - height) / down + 1, (columns - width) / right + 1];
-    let mut sum: Option<Tensor> = None;
+    let x = x.transpose(0, 1)?.contiguous()?;
+    let mut pixels = Vec::new();
     for row in 0..height {
-        let rows = strided(x, 2, (row, down), count[0])?;
+        let rows = strided(&x, 2, (row, down), count[0])?;
         for column in 0..width {
-            let pixels = strided(&rows, 3, (column, right), count[1])?;
-            let weight = weight.narrow(2, row, 1)?.narrow(3, column, 1)?;
-            let product = pixels.broadcast_mul(&weight.reshape((1, channels, 1, 1))?)?;
-            sum = Some(match sum {
-                Some(sum) => (sum + product)?,
-                None => product,
-            });
+            pixels.push(strided(&rows, 3, (column, right), count[1])?);
         }
     }
-    Ok(sum.unwrap_or_else(|| x.clone()))
+    let each = inputs * pixels.len();
+    let y = if inputs == 1 {
+        let weight = weight.reshape((outputs, each, 1, 1, 1))?;
+        let product = |(i, x): (usize, &Tensor)| x.broadcast_mul(&weight.get_on_dim(1, i)?);
+        let products = pixels.iter().enumerate().map(product);
+        products.reduce(|a, b| a? + b?).unwrap_or(Ok(x))?
+    } else {
+        let pixels = Tensor::stack(&pixels, 1)?.reshape((groups, each, ()))?;
+        let y = weight.reshape((groups, (), each))?.matmul(&pixels)?;
+        y.reshape((outputs, (), count[0], count[1]))?
+    };
+    Ok(y.transpose(0, 1)?.contiguous()?)
 }
 
 /// Max pooling along one axis to `count` places by a window of such a size and stride, by operators

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fmt::Display;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use candle_core::{DType, Device, Tensor};
 
@@ -19,6 +20,20 @@ mod rule;
 mod weights;
 
 pub(crate) use rule::{error, uniform};
+
+/// Candle's threads spin while they wait for each other, and other tests have the processors. By the mask it takes two of
+/// them for products; without, it reads a file for each to count them. Before `main` nobody else reads the environment.
+#[cfg(target_os = "linux")]
+#[expect(unsafe_code, reason = "nothing safe runs before the first test")]
+#[used]
+#[unsafe(link_section = ".init_array")]
+static BEFORE_MAIN: extern "C" fn() = {
+    extern "C" fn settings() {
+        unsafe { std::env::set_var("CANDLE_NUM_THREADS", "1") };
+        unsafe { std::env::set_var("CANDLE_CPU_MASK", "0-1") };
+    }
+    settings
+};
 
 /// Such values as a tensor, f64.
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
@@ -39,14 +54,20 @@ pub(crate) fn weight(spec: &TensorSpec) -> Tensor {
 
 /// All of a network's, by the names that `rename` makes.
 pub(crate) fn weights(kind: EncoderKind, rename: impl Fn(&str) -> String) -> Weights {
-    let tensors = kind.specs().into_iter();
-    let tensors = tensors.map(|spec| (rename(&spec.name), weight(&spec)));
-    Weights::from_tensors("the golden rule", tensors).unwrap()
+    let weights = encoder(kind).weights().clone();
+    weights.renamed(|name| Some(rename(name)))
 }
 
-/// An encoder with these weights.
+/// An encoder with these weights, made once.
 pub(crate) fn encoder(kind: EncoderKind) -> Encoder {
-    Encoder::new(kind, weights(kind, str::to_owned)).unwrap()
+    const KINDS: usize = EncoderKind::ALL.len();
+    static ENCODERS: [OnceLock<Encoder>; KINDS] = [const { OnceLock::new() }; KINDS];
+    let made = ENCODERS[kind as usize].get_or_init(|| {
+        let tensors = kind.specs().into_iter();
+        let tensors = tensors.map(|spec| (spec.name.clone(), weight(&spec)));
+        Encoder::new(kind, Weights::sharing("the golden rule", tensors)).unwrap()
+    });
+    made.clone()
 }
 
 fn path(file: &str) -> PathBuf {
@@ -84,8 +105,8 @@ pub(crate) fn norm(values: &[f64]) -> f64 {
 pub(crate) fn relative(found: &Tensor, expected: &Tensor) -> f64 {
     assert_eq!(found.dims(), expected.dims());
     let (found, expected) = (values(found), values(expected));
-    let differences: Vec<f64> = found.iter().zip(&expected).map(|(f, e)| f - e).collect();
-    let error = norm(&differences) / norm(&expected);
+    let squares = found.iter().zip(&expected).map(|(f, e)| (f - e).powi(2));
+    let error = squares.sum::<f64>().sqrt() / norm(&expected);
     assert!(error.is_finite());
     error
 }

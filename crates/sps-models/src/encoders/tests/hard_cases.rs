@@ -1,5 +1,7 @@
 //! Images and weights that a network must survive.
 
+use std::sync::LazyLock;
+
 use candle_core::{DType, Device, Tensor};
 use half::f16;
 use proptest::prelude::*;
@@ -11,11 +13,11 @@ use crate::golden::{error, numbers, refused, values};
 use crate::weights::Weights;
 
 /// The paper's network as far as its second stage: batch norms, groups and gates, in seven blocks.
-fn gated() -> Encoder {
+static GATED: LazyLock<Encoder> = LazyLock::new(|| {
     let depths = Depths::Named(vec!["stage-2".to_owned()]);
     let encoder = encoder(EncoderKind::SeResNext50).with_depths(&depths);
     encoder.unwrap()
-}
+});
 
 fn encoder(kind: EncoderKind) -> Encoder {
     Encoder::seeded(kind, 1).unwrap()
@@ -116,10 +118,10 @@ fn denormal_images() {
 
 #[test]
 fn images_of_any_extent() {
-    let small = gated();
+    let small = &*GATED;
     for (height, width) in [(1, 1), (1, 2), (2, 1), (7, 5000), (3, 64), (65, 31)] {
         let case = format!("{height} x {width}");
-        agree(&case, &small, &textured((1, 3, height, width)));
+        agree(&case, small, &textured((1, 3, height, width)));
     }
     let squeezenet = encoder(EncoderKind::SqueezeNet1_0);
     for (height, width) in [(7, 7), (7, 500), (8, 9), (47, 21)] {
@@ -130,25 +132,25 @@ fn images_of_any_extent() {
 
 #[test]
 fn values_outside_of_what_a_camera_gives() {
-    let small = gated();
+    let small = &*GATED;
     for scale in [1e4, -1e4] {
         let images = (textured((2, 3, 17, 19)) * scale).unwrap();
-        agree(&format!("values of {scale}"), &small, &images);
+        agree(&format!("values of {scale}"), small, &images);
     }
 }
 
 #[test]
 fn images_that_cannot_be_embedded() {
-    let small = gated();
+    let small = &*GATED;
     let squeezenet = encoder(EncoderKind::SqueezeNet1_0);
     let ints = filled(0.0, (1, 3, 8, 8)).to_dtype(DType::U8).unwrap();
     let no_images = Tensor::zeros((0, 3, 8, 8), DType::F32, &Device::Cpu).unwrap();
     let no_pixels = Tensor::zeros((1, 3, 0, 8), DType::F32, &Device::Cpu).unwrap();
     for (encoder, images) in [
-        (&small, ints),
-        (&small, filled(0.0, (1, 4, 8, 8))),
-        (&small, no_images),
-        (&small, no_pixels),
+        (small, ints),
+        (small, filled(0.0, (1, 4, 8, 8))),
+        (small, no_images),
+        (small, no_pixels),
         (&squeezenet, filled(0.0, (1, 3, 6, 8))),
     ] {
         let error = encoder.embed(&images).unwrap_err();
@@ -159,7 +161,7 @@ fn images_that_cannot_be_embedded() {
 #[test]
 fn training_on_images_of_one_value_is_finite() {
     for value in [0.0, 0.5, 1e4] {
-        let mut trainable = TrainableEncoder::new(&gated()).unwrap();
+        let mut trainable = TrainableEncoder::new(&GATED).unwrap();
         let images = filled(value, (2, 3, 33, 40));
         let embedding = trainable.forward(&images).unwrap();
         let loss = embedding.sqr().unwrap().mean_all().unwrap();
@@ -175,7 +177,7 @@ fn training_on_images_of_one_value_is_finite() {
 #[test]
 fn training_needs_two_numbers_a_channel() {
     for plain in [false, true] {
-        let mut trainable = TrainableEncoder::new(&gated()).unwrap();
+        let mut trainable = TrainableEncoder::new(&GATED).unwrap();
         if plain {
             trainable = trainable.with_plain_operators();
         }
@@ -192,10 +194,10 @@ fn training_needs_two_numbers_a_channel() {
 #[test]
 fn training_on_odd_extents_agrees_with_plain_operators() {
     for shape in [(4, 3, 40, 37), (2, 3, 65, 70), (1, 3, 97, 131)] {
-        let start = gated();
+        let start = &*GATED;
         let images = textured(shape);
         let run = |mut trainable: TrainableEncoder| values(&trainable.forward(&images).unwrap());
-        let new = || TrainableEncoder::new(&start).unwrap();
+        let new = || TrainableEncoder::new(start).unwrap();
         let (kernels, plain) = (run(new()), run(new().with_plain_operators()));
         let error = error(&kernels, &plain);
         assert!(error <= 1e-3, "{shape:?}: {error:.1e}");
@@ -229,13 +231,13 @@ fn half_weights_that_are_infinite_are_refused_by_name() {
 fn a_batch_of_one() {
     let images = textured((4, 3, 33, 40));
     let first = images.narrow(0, 0, 1).unwrap();
-    let small = gated();
-    agree("batch of one", &small, &first);
+    let small = &*GATED;
+    agree("batch of one", small, &first);
     let together = small.embed(&images).unwrap().narrow(0, 0, 1).unwrap();
     assert_eq!(numbers(&small.embed(&first).unwrap()), numbers(&together));
 
     let in_training = |images: &Tensor| {
-        let mut trainable = TrainableEncoder::new(&small).unwrap();
+        let mut trainable = TrainableEncoder::new(small).unwrap();
         values(&trainable.forward(images).unwrap().narrow(0, 0, 1).unwrap())
     };
     let naive = error(&in_training(&first), &in_training(&images));
@@ -249,7 +251,7 @@ proptest! {
     /// An image's embedding does not hang on its neighbours in the batch, to the last bit.
     #[test]
     fn an_image_alone_embeds_as_in_a_batch(n in 2_usize..6, h in 1_usize..40, w in 1_usize..40) {
-        let small = gated();
+        let small = &*GATED;
         let images = textured((n, 3, h, w));
         let together = small.embed(&images).unwrap();
         for i in 0..n {

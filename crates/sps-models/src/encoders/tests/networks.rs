@@ -9,7 +9,7 @@ use sps_kernels::network::{IMAGE, Layer};
 use crate::encoders::plain::Plain;
 use crate::encoders::{Depths, Encoder, EncoderKind};
 use crate::golden::{self, error, norm, numbers, relative, values};
-use crate::weights::{TensorSpec, Weights};
+use crate::weights::Weights;
 
 /// Other names of EfficientNet-Lite0's tensors.
 fn other_names() -> impl Fn(&str) -> String {
@@ -24,11 +24,12 @@ fn plain_pass(
     images: &str,
     cotangent: &str,
 ) -> (Tensor, BTreeMap<String, Tensor>) {
-    let exact = |spec: TensorSpec| {
-        let weight = golden::weight(&spec).to_dtype(DType::F64).unwrap();
-        (spec.name, Var::from_tensor(&weight).unwrap())
+    let exact = |(name, weight): (&str, &Tensor)| {
+        let weight = weight.to_dtype(DType::F64).unwrap();
+        (name.to_owned(), Var::from_tensor(&weight).unwrap())
     };
-    let variables: Vec<(String, Var)> = kind.specs().into_iter().map(exact).collect();
+    let encoder = golden::encoder(kind);
+    let variables: Vec<(String, Var)> = encoder.weights().iter().map(exact).collect();
     let tensors = variables.iter();
     let tensors = tensors.map(|(name, variable)| (name.clone(), variable.as_tensor().clone()));
     let weights = Weights::sharing("the golden rule", tensors);

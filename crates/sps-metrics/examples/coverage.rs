@@ -14,12 +14,7 @@ fn main() -> Result<(), IntervalError> {
         for units in [8, 20, 200, 2000] {
             for reruns in [3, 5, 10] {
                 for by_rerun in [0.0, 0.1] {
-                    crossed(&Design {
-                        heavy,
-                        units,
-                        reruns,
-                        by_rerun,
-                    })?;
+                    crossed(heavy, [units, reruns], by_rerun)?;
                 }
             }
         }
@@ -34,57 +29,27 @@ fn main() -> Result<(), IntervalError> {
     Ok(())
 }
 
-/// Estimates 0.6 t + a + b + c of truths t: a of the unit, b of the rerun, c of both.
-struct Design {
-    heavy: bool,
-    units: usize,
-    reruns: usize,
-    by_rerun: f64,
-}
-
 const BY_UNIT: f64 = 0.4;
 const BY_BOTH: f64 = 0.2;
 
-impl Design {
-    /// Of variance 1: normal, or Student's t of five degrees of freedom.
-    fn number(&self, random: &mut Random) -> f64 {
-        if !self.heavy {
-            return random.normal();
-        }
-        let squares: f64 = (0..5).map(|_| random.normal().powi(2)).sum();
-        random.normal() / (squares / 5.0).sqrt() * 0.6_f64.sqrt()
-    }
-
-    fn truth(&self) -> f64 {
-        let errors = 0.16 + BY_UNIT.powi(2) + self.by_rerun.powi(2) + BY_BOTH.powi(2);
-        1.0 - errors
-    }
-
-    /// Truths, and estimates of each rerun.
-    fn draw(&self, random: &mut Random) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let truth: Vec<f64> = (0..self.units).map(|_| self.number(random)).collect();
-        let own = truth
-            .iter()
-            .map(|truth| 0.6 * truth + BY_UNIT * self.number(random));
-        let own: Vec<f64> = own.collect();
-        let mut rerun = |_| {
-            let rerun = self.by_rerun * random.normal();
-            let both = own
-                .iter()
-                .map(|own| own + rerun + BY_BOTH * self.number(random));
-            both.collect()
-        };
-        let estimates = (0..self.reruns).map(&mut rerun).collect();
-        (truth, estimates)
-    }
-}
-
-fn crossed(design: &Design) -> Result<(), IntervalError> {
+/// Estimates 0.6 t + a + b + c of truths t: a of the unit, b of the rerun, c of both; normal, or, but for b, with tails as
+/// heavy as those of Student's t of five degrees of freedom.
+fn crossed(heavy: bool, [units, reruns]: [usize; 2], by_rerun: f64) -> Result<(), IntervalError> {
     let mut random = Random(1);
     let mut held = [0; 2];
-    let known = design.truth();
+    let known = 0.84 - BY_UNIT.powi(2) - by_rerun * by_rerun - BY_BOTH.powi(2);
     for _ in 0..TRIALS {
-        let (truth, estimates) = design.draw(&mut random);
+        let truth: Vec<f64> = (0..units).map(|_| random.number(heavy)).collect();
+        let own = truth.iter();
+        let own = own.map(|truth| 0.6 * truth + BY_UNIT * random.number(heavy));
+        let own: Vec<f64> = own.collect();
+        let mut rerun = |_| {
+            let rerun = by_rerun * random.normal();
+            let both = own.iter();
+            let both = both.map(|own| own + rerun + BY_BOTH * random.number(heavy));
+            both.collect()
+        };
+        let estimates: Vec<Vec<f64>> = (0..reruns).map(&mut rerun).collect();
         let scored = scored(&truth, &estimates);
         let ends = [
             ends(Intervals::of_training(Level::P95), &scored)?,
@@ -95,13 +60,7 @@ fn crossed(design: &Design) -> Result<(), IntervalError> {
         }
     }
     let [here, alone] = held.map(percent);
-    let Design {
-        heavy,
-        units,
-        reruns,
-        by_rerun,
-    } = design;
-    let tails = if *heavy { "heavy" } else { "normal" };
+    let tails = if heavy { "heavy" } else { "normal" };
     println!("{tails:6}  {units:5}  {reruns:6}  {by_rerun:9}  {here:>10}  {alone:>12}");
     Ok(())
 }
@@ -221,6 +180,15 @@ impl Random {
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * self.uniform().ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+
+    /// Of variance 1: normal, or Student's t of five degrees of freedom.
+    fn number(&mut self, heavy: bool) -> f64 {
+        if !heavy {
+            return self.normal();
+        }
+        let squares: f64 = (0..5).map(|_| self.normal().powi(2)).sum();
+        self.normal() / (squares / 5.0).sqrt() * 0.6_f64.sqrt()
     }
 
     fn order(&mut self, count: usize) -> Vec<usize> {

@@ -139,7 +139,11 @@ pub(super) fn stacks(
     jobs: &[Job<'_>],
 ) -> Result<Vec<Vec<usize>>> {
     let mut groups = BTreeMap::<_, Vec<usize>>::new();
-    for (index, job) in jobs.iter().enumerate() {
+    let mut order: Vec<usize> = (0..jobs.len()).collect();
+    // Those of a rerun side by side: they go through the same rows, which are then in a core's cache.
+    order.sort_by_key(|&index| jobs[index].trial.rerun);
+    for index in order {
+        let job = &jobs[index];
         let shape = (job.training.len(), job.validation.len(), job.classes());
         groups.entry(shape).or_default().push(index);
     }

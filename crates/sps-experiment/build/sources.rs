@@ -35,7 +35,6 @@ const IN_PART: [&str; 3] = ["sps", "sps-experiment", "sps-report"];
 /// The hash of what is `watched` below `root`.
 ///
 /// # Errors
-///
 /// A file that cannot be read, or is no Rust.
 pub(crate) fn hash(root: &Path, watched: &[&str]) -> Result<String, Box<dyn Error>> {
     let mut files = Vec::new();

@@ -60,7 +60,6 @@ impl<'a> Images<'a> {
     /// `(..size, 3)` row-major.
     ///
     /// # Errors
-    ///
     /// No image, one that does not fill its size, a size with a 0.
     pub fn new(
         pixels: &'a [&'a [f32]],

@@ -29,7 +29,6 @@ pub trait Tensors: std::fmt::Debug + Send + Sync {
     /// Calls `work` once with the numbers of a tensor, row-major.
     ///
     /// # Errors
-    ///
     /// When there is none of this name.
     fn with(&self, name: &str, work: &mut dyn FnMut(&[f32])) -> Result<()>;
 }

@@ -39,7 +39,6 @@ impl Windows {
     /// Takes height and width of an image and of the windows, and the stride of the grid.
     ///
     /// # Errors
-    ///
     /// A window of no pixel or larger than the image, a stride of 0.
     pub fn new(image: [usize; 2], window: [usize; 2], stride: usize) -> Result<Self> {
         if (0..2).any(|axis| window[axis] == 0 || window[axis] > image[axis]) {
@@ -101,7 +100,6 @@ impl Windows {
     /// centres lie in it.
     ///
     /// # Errors
-    ///
     /// Windows smaller than a cell, some of which would hold none, and more of them than a gibibyte
     /// holds.
     pub fn embed(&self, depths: &[CellSums]) -> Result<WindowEmbeddings> {

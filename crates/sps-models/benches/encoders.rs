@@ -1,6 +1,5 @@
-//! The paper's encoder at 224 x 224: forward pass and training step, by the kernels and by
-//! candle's own operators, and a matrix product of as many multiply-adds as one frame needs. The
-//! other encoders likewise, by the kernels alone.
+//! The paper's encoder at 224 x 224: forward pass and training step, and a matrix product of as many multiply-adds as
+//! one frame needs. The other encoders likewise.
 //!
 //! `cargo bench -p sps-models --bench encoders`; `docs/kernels.md` says what came out.
 
@@ -75,14 +74,9 @@ fn papers(c: &mut Criterion) -> Result<()> {
         };
         forward("kernels", &|images| encoder.embed(images))?;
         forward("kernels in bf16", &|images| bf16.embed(images))?;
-        forward("plain operators", &|images| encoder.embed_plain(images))?;
     }
     let trainable = TrainableEncoder::new(&encoder)?;
-    let group = "training step";
-    time_step(c, [group, "kernels"], trainable, &images(8)?)?;
-    // Candle's operators keep so much of each frame that eight do not fit everywhere.
-    let plain = TrainableEncoder::new(&encoder)?.with_plain_operators();
-    time_step(c, [group, "plain operators"], plain, &images(2)?)
+    time_step(c, ["training step", "kernels"], trainable, &images(8)?)
 }
 
 fn others(c: &mut Criterion) -> Result<()> {

@@ -88,7 +88,6 @@ impl OnnxEncoder {
     /// Reads a file.
     ///
     /// # Errors
-    ///
     /// A file that cannot be read or has more than 2 GiB; what [`OnnxEncoder::new`] says.
     pub fn read(path: &Path, settings: Settings) -> Result<Self, OnnxError> {
         let bytes = || {
@@ -104,7 +103,6 @@ impl OnnxEncoder {
     /// It will run on as many threads as rayon has now.
     ///
     /// # Errors
-    ///
     /// Without the feature `onnx`, any file. With it: what is no ONNX file, goes beyond the limits or cannot be
     /// run, an operator that is not known, by its name; another input than the crate's documentation says;
     /// settings that do not fit the file.
@@ -196,7 +194,6 @@ impl OnnxEncoder {
     /// Each image goes through the network by itself, so that no other changes its embedding.
     ///
     /// # Errors
-    ///
     /// An image without its pixels, or smaller than the network takes; what the network cannot compute.
     pub fn embed(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>, OnnxError> {
         let embedded = self.embedded(images, size);

@@ -34,7 +34,6 @@ pub trait SetLoss: Sync {
     /// Called from several threads at once.
     ///
     /// # Errors
-    ///
     /// Whatever the loss fails with: the selection ends with it.
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError>;
 }

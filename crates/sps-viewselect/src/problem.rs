@@ -25,7 +25,6 @@ impl<'a> Problem<'a> {
     /// constraints between the vectors, therefore allowing repeated viewpoints"), seed 0.
     ///
     /// # Errors
-    ///
     /// [`SelectError::NoViews`], [`SelectError::NoPicks`], [`SelectError::TooManyPicks`] (also where
     /// repeats are allowed).
     pub fn new(loss: &'a dyn SetLoss) -> Result<Self, SelectError> {
@@ -148,7 +147,6 @@ pub trait Selector: Send + Sync {
     /// of threads.
     ///
     /// # Errors
-    ///
     /// [`SelectError::Setting`] if a field of the selector is out of its range,
     /// [`SelectError::Loss`] if the loss fails, [`SelectError::LossOutOfRange`] if it returns NaN or
     /// a number beyond 1e100. Each selector says what else.

@@ -60,7 +60,6 @@ impl TemporalRelations {
     /// Checks the settings against the number of views.
     ///
     /// # Errors
-    ///
     /// [`SelectError::NoViews`]; [`SelectError::TooManyPicks`] if a scale is larger than `views`;
     /// [`SelectError::NoPicks`] if one is 0; [`SelectError::Setting`] if there is no scale, or
     /// `per_scale` or `test_draws` is 0.

@@ -13,7 +13,6 @@ impl<'a> Sets<'a> {
     /// Sets of `picks` views each.
     ///
     /// # Errors
-    ///
     /// [`SelectError::Length`] if `flat` does not hold whole sets, [`SelectError::Setting`] if
     /// `picks` is 0.
     pub fn new(flat: &'a [usize], picks: usize) -> Result<Self, SelectError> {

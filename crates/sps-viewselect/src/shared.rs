@@ -36,7 +36,6 @@ pub trait SharedLoss: Sync {
     /// Called from several threads at once.
     ///
     /// # Errors
-    ///
     /// Whatever the loss fails with: the selection ends with it.
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError>;
 }
@@ -63,7 +62,6 @@ impl<'a> Pooled<'a> {
     /// mean over all.
     ///
     /// # Errors
-    ///
     /// [`SelectError::Setting`] unless the property exists and 0 <= `amount` <= 1.
     pub fn new(
         shared: &'a dyn SharedLoss,

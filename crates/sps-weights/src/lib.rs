@@ -43,7 +43,6 @@ impl RawTensor {
     /// Refuses a value that is not finite, and extents whose product no number holds.
     ///
     /// # Errors
-    ///
     /// The first such value; such extents.
     pub fn check(&self, name: &str) -> Result<(), WeightsErrorKind> {
         if let Some(index) = self.values.iter().position(|value| !value.is_finite()) {
@@ -64,7 +63,6 @@ impl RawTensor {
 /// The tensors of a weights file, each checked; elements of f16, bf16 and f64 become f32. The content tells the format.
 ///
 /// # Errors
-///
 /// Bytes of no such format, elements of another type, a value that is not finite as f32.
 pub fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
     let tensors = pytorch::read(bytes).unwrap_or_else(|| safetensors::read(bytes))?;

@@ -24,7 +24,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
 /// The tensors as a safetensors file, with a note (its name and text) in the metadata; the same tensors give the same bytes.
 ///
 /// # Errors
-///
 /// A tensor whose values do not fill its shape or are not finite: it could not be read back.
 pub fn write<'a>(
     tensors: impl IntoIterator<Item = (&'a str, RawTensor)>,
@@ -77,7 +76,6 @@ impl View for Stored {
 /// A note that [`write()`] put into a file.
 ///
 /// # Errors
-///
 /// When it is no safetensors file or has no note of this name.
 pub fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| not_safetensors(&error))?;

@@ -50,7 +50,6 @@ impl Inference {
     /// [`calibrate`]; further ones are left alone.
     ///
     /// # Errors
-    ///
     /// Tensors that are not the network's; int8 with too few scales.
     pub fn new(
         network: &Network,
@@ -120,7 +119,6 @@ impl Inference {
     /// Callers from outside the pool wait until one of its threads is in no other pass.
     ///
     /// # Errors
-    ///
     /// Images smaller than the network takes.
     pub fn embed(&self, images: &Images<'_>) -> Result<Vec<f32>> {
         self.kernels.embed(images, &self.resources)
@@ -130,7 +128,6 @@ impl Inference {
     /// [`Windows::embed`](crate::Windows::embed), by all threads together.
     ///
     /// # Errors
-    ///
     /// An image smaller than the network takes.
     pub fn cell_sums(&self, image: &Images<'_>) -> Result<Vec<CellSums>> {
         self.kernels.cell_sums(image, &self.resources)
@@ -146,7 +143,6 @@ impl Inference {
 /// then the lower one, then the upper one again.
 ///
 /// # Errors
-///
 /// Tensors that are not the network's, images smaller than it takes, no image at all, one that makes a feature map
 /// that is not finite.
 pub fn calibrate(

@@ -44,7 +44,6 @@ impl Scale {
     /// The scales that a tensor `(maps, 2)` of this shape holds, one for each map of a network.
     ///
     /// # Errors
-    ///
     /// When they are not as many as the network has maps, or one is no scale.
     pub fn of_tensor(network: &Network, shape: &[usize], values: &[f32]) -> Result<Vec<Self>> {
         let expected = [network.channels.len(), 2];
@@ -73,7 +72,6 @@ impl Scale {
 /// The scales of a network's maps, in each of which these values were seen.
 ///
 /// # Errors
-///
 /// When no image was seen, or a value that is not finite.
 pub(super) fn scales(network: &Network, seen: &[Values]) -> Result<Vec<Scale>> {
     let mut scales = seen.iter().map(Values::scale).collect::<Result<Vec<_>>>()?;

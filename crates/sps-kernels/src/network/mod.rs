@@ -301,7 +301,6 @@ impl Network {
     /// The network as far as embeddings of these depths need it.
     ///
     /// # Errors
-    ///
     /// No depth, one that the network does not have, one named twice.
     pub fn at(mut self, depths: &Depths) -> Result<Self> {
         depths.choose(self.name, &mut self.depths)?;

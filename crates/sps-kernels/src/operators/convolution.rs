@@ -23,7 +23,6 @@ impl Convolution {
     /// Of so many frames of such extents.
     ///
     /// # Errors
-    ///
     /// Groups that do not share the channels evenly, a window that does not fit, an extent of 0.
     pub fn new(frames: usize, size: Size, shape: ConvShape) -> Result<Self> {
         let find = || {
@@ -60,7 +59,6 @@ impl Convolution {
     /// The feature maps that come out.
     ///
     /// # Errors
-    ///
     /// Slices that do not fit the shape.
     pub fn forward(&self, x: &[f32], weight: &[f32]) -> Result<Vec<f32>> {
         self.check(x, weight)?;
@@ -76,7 +74,6 @@ impl Convolution {
     /// The gradients of `x` and of the weights, from that of what came out.
     ///
     /// # Errors
-    ///
     /// Slices that do not fit the shape.
     pub fn backward(&self, x: &[f32], weight: &[f32], gradient: &[f32]) -> Result<[Vec<f32>; 2]> {
         self.check(x, weight)?;

@@ -25,7 +25,6 @@ impl MaxPooling {
     /// Of so many frames of such extents and channels.
     ///
     /// # Errors
-    ///
     /// A window that does not fit, an extent of 0.
     pub fn new(
         frames: usize,
@@ -63,7 +62,6 @@ impl MaxPooling {
     /// The feature maps that come out.
     ///
     /// # Errors
-    ///
     /// A slice that does not fit.
     pub fn forward(&self, x: &[f32]) -> Result<Vec<f32>> {
         check("x of max pooling", x, self.from.bare().len())?;
@@ -78,7 +76,6 @@ impl MaxPooling {
     /// The gradient of `x`, from what came out, `y`, and its gradient.
     ///
     /// # Errors
-    ///
     /// Slices that do not fit.
     pub fn backward(&self, x: &[f32], y: &[f32], gradient: &[f32]) -> Result<Vec<f32>> {
         check("x of max pooling", x, self.from.bare().len())?;

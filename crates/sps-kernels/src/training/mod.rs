@@ -79,7 +79,6 @@ impl BatchStatistics {
     /// Refuses a batch norm that sees a single number in each channel: in training it needs a spread.
     ///
     /// # Errors
-    ///
     /// A count below 2.
     pub fn check_count(count: usize, layer: &str) -> Result<()> {
         if count >= 2 {
@@ -111,7 +110,6 @@ impl Training {
     /// Runs forward, batch norm by the batch's own statistics.
     ///
     /// # Errors
-    ///
     /// Tensors that are not the network's, images smaller than it takes, a batch norm that sees a single number in
     /// each channel, a precision other than f32 and bf16.
     pub fn forward(&self, tensors: Arc<dyn Tensors>, images: &Images<'_>) -> Result<Forward> {
@@ -138,7 +136,6 @@ impl Pass {
     /// The gradients of the parameters, from that of the embeddings, `(images, width)`.
     ///
     /// # Errors
-    ///
     /// A gradient of another length; tensors that are no longer there.
     pub fn backward(&self, cotangent: &[f32]) -> Result<Gradients> {
         self.0.backward(cotangent)

@@ -1,8 +1,8 @@
 //! Images that a network takes, and those that it refuses.
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Tensor};
+use sps_kernels::Size;
 use sps_kernels::network::Network;
-use sps_kernels::{Normalisation, Size};
 
 use crate::error::{Error, Result};
 
@@ -56,10 +56,4 @@ pub(super) fn check(network: &Network, images: &Tensor) -> Result<Size> {
         return Err(Error::input("images", found, expected));
     }
     Ok(size)
-}
-
-pub(super) fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-    let row = |values: &[f32; 3]| Tensor::new(values, &Device::Cpu)?.reshape((1, 3, 1, 1));
-    let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
-    Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
 }

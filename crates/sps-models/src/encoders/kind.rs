@@ -79,7 +79,6 @@ impl EncoderKind {
     /// Refuses an encoder without weights of its own in this crate.
     ///
     /// # Errors
-    ///
     /// Every encoder but `efficientnet-lite-body`.
     pub fn check_built_in(self) -> Result<()> {
         match self {
@@ -136,7 +135,6 @@ impl EncoderKind {
     /// The blocks of embeddings of these depths.
     ///
     /// # Errors
-    ///
     /// No depth, one that the network does not have, one named twice.
     pub fn blocks(self, depths: &Depths) -> Result<Vec<Block>> {
         Ok(self.network().at(depths)?.named_blocks())

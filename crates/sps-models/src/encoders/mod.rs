@@ -6,6 +6,7 @@
 mod init;
 mod input;
 mod kind;
+#[cfg(test)]
 mod plain;
 mod scales;
 #[cfg(test)]
@@ -31,8 +32,7 @@ pub use trainable::TrainableEncoder;
 use crate::differentiable::with_values;
 use crate::error::{Error, Result};
 use crate::weights::{TensorSpec, Weights};
-use input::{check, check_pixels, normalise};
-use plain::Plain;
+use input::{check, check_pixels};
 
 /// A network with its weights, ready to embed images, or sequences of frames where it
 /// [takes those](EncoderKind::takes_sequences).
@@ -66,7 +66,6 @@ impl Encoder {
     /// Reads the network's weights from a file; see [`Weights::read`] for the formats.
     ///
     /// # Errors
-    ///
     /// When the file cannot be read or does not fit: a missing, extra or misshapen tensor, a
     /// value that is not finite. A classifier's last layer may be in the file and is not used.
     pub fn load(kind: EncoderKind, weights: impl AsRef<Path>) -> Result<Self> {
@@ -77,7 +76,6 @@ impl Encoder {
     /// licence).
     ///
     /// # Errors
-    ///
     /// An encoder that has none: [`EncoderKind::check_built_in`].
     pub fn built_in(kind: EncoderKind) -> Result<Self> {
         kind.check_built_in()?;
@@ -88,7 +86,6 @@ impl Encoder {
     /// A network with untrained weights, the same for the same seed everywhere.
     ///
     /// # Errors
-    ///
     /// None that is known.
     pub fn seeded(kind: EncoderKind, seed: u64) -> Result<Self> {
         Self::new(kind, init::seeded(&kind.specs(), seed)?)
@@ -99,7 +96,6 @@ impl Encoder {
     /// names stand beside it.
     ///
     /// # Errors
-    ///
     /// When no tensor has a place in the network.
     pub fn warm_started(
         kind: EncoderKind,
@@ -127,7 +123,6 @@ impl Encoder {
     /// A network with the given weights.
     ///
     /// # Errors
-    ///
     /// When the weights do not fit the network.
     pub fn new(kind: EncoderKind, mut weights: Weights) -> Result<Self> {
         let network = kind.network();
@@ -177,7 +172,6 @@ impl Encoder {
     /// ```
     ///
     /// # Errors
-    ///
     /// No depth, one that the network does not have, one named twice.
     pub fn with_depths(self, depths: &Depths) -> Result<Self> {
         if *depths == self.depths {
@@ -210,7 +204,6 @@ impl Encoder {
     /// ```
     ///
     /// # Errors
-    ///
     /// As [`Encoder::embed`]; when there is no image, or one makes a feature map that is not finite.
     pub fn calibrated(mut self, images: &[&Tensor]) -> Result<Self> {
         let network = self.kind.network();
@@ -235,7 +228,6 @@ impl Encoder {
     /// The same network, computing in another precision.
     ///
     /// # Errors
-    ///
     /// When the precision is int8 and [`Encoder::calibrated`] has not been called, neither for this encoder
     /// nor for that whose weights it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
@@ -322,7 +314,6 @@ impl Encoder {
     /// however many threads there are.
     ///
     /// # Errors
-    ///
     /// When the tensor is of another shape or type, smaller than [`EncoderKind::min_size`], or
     /// computed from a variable: there is no gradient for images.
     pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
@@ -340,25 +331,11 @@ impl Encoder {
     /// but without copies. A sequence is its frames one below the other.
     ///
     /// # Errors
-    ///
     /// When there is no image, one does not fill its size, or a side is below
     /// [`EncoderKind::min_size`]; sequences of different lengths.
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
         let extents = check_pixels(&self.network, images, size)?;
         Ok(self.kernels.embed(&self.of_pixels(images, extents)?)?)
-    }
-
-    /// Embeds images as [`Encoder::embed`] does, by candle's own operators: what benchmarks hold the
-    /// kernels against. No part of the public interface.
-    ///
-    /// # Errors
-    ///
-    /// As [`Encoder::embed`].
-    #[doc(hidden)]
-    pub fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
-        check(&self.network, images)?;
-        let images = normalise(images, &self.network.normalisation)?;
-        Plain::new(&self.network, &self.weights).embed(&images)
     }
 
     /// Images `(..size, 3)` for the kernels.

@@ -4,13 +4,47 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use candle_core::{DType, Tensor};
+use candle_core::{DType, Device, Tensor};
 use sps_kernels::network::{Conv, Gate, IMAGE, Layer, MaxPool, Network};
 use sps_kernels::training::BatchStatistics;
-use sps_kernels::{Activation, Window};
+use sps_kernels::{Activation, Normalisation, Window};
 
+use super::input::check;
+use super::{Encoder, TrainableEncoder};
 use crate::error::{Error, Result};
 use crate::weights::Weights;
+
+impl Encoder {
+    /// Embeds images as [`Encoder::embed`] does.
+    pub(crate) fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
+        check(&self.network, images)?;
+        let images = normalise(images, &self.network.normalisation)?;
+        Plain::new(&self.network, &self.weights).embed(&images)
+    }
+}
+
+impl TrainableEncoder {
+    /// Trains by candle's own operators.
+    pub(crate) fn with_plain_operators(mut self) -> Self {
+        self.plain = true;
+        self
+    }
+
+    pub(super) fn forward_plain(&mut self, images: &Tensor) -> Result<Tensor> {
+        let net = Plain::training(&self.network, &self.weights);
+        let embeddings = net.embed(&normalise(images, &self.network.normalisation)?)?;
+        for statistics in net.into_statistics() {
+            self.update(&statistics)?;
+        }
+        Ok(embeddings)
+    }
+}
+
+fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+    let row = |values: &[f32; 3]| Tensor::new(values, &Device::Cpu)?.reshape((1, 3, 1, 1));
+    let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
+    Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
+}
 
 /// A network of images with its weights.
 pub(super) struct Plain<'a> {

@@ -10,8 +10,7 @@ use sps_kernels::network::Network;
 use sps_kernels::training::{BatchStatistics, Gradients, Training};
 use sps_kernels::{Images, Order, Size};
 
-use super::input::{check, normalise};
-use super::plain::Plain;
+use super::input::check;
 use super::{Block, Depths, Encoder, EncoderKind, Precision, scales};
 use crate::differentiable::{differentiable, with_values};
 use crate::error::{Error, Result};
@@ -47,9 +46,10 @@ pub struct TrainableEncoder {
     depths: Depths,
     pub(super) network: Arc<Network>,
     /// All tensors by name: those of the variables share their memory.
-    weights: Weights,
+    pub(super) weights: Weights,
     variables: BTreeMap<String, Var>,
-    plain: bool,
+    #[cfg(test)]
+    pub(super) plain: bool,
     training: Training,
     /// What candle's backward pass ends in, in front of the kernels' own.
     anchor: Var,
@@ -96,7 +96,6 @@ impl TrainableEncoder {
     /// Copies an encoder's weights into variables.
     ///
     /// # Errors
-    ///
     /// When there is no room for them.
     pub fn new(encoder: &Encoder) -> Result<Self> {
         let mut variables = BTreeMap::new();
@@ -121,20 +120,12 @@ impl TrainableEncoder {
             network: Arc::clone(&encoder.network),
             weights: Weights::sharing(encoder.weights().origin(), tensors),
             variables,
+            #[cfg(test)]
             plain: false,
             training: Training::new(Arc::clone(&encoder.network)),
             anchor: Var::zeros(1, DType::F32, &Device::Cpu)?,
             received: Arc::default(),
         })
-    }
-
-    /// Trains by candle's own operators even where the kernels could: what tests and benchmarks hold
-    /// them against. No part of the public interface.
-    #[doc(hidden)]
-    #[must_use]
-    pub fn with_plain_operators(mut self) -> Self {
-        self.plain = true;
-        self
     }
 
     /// Gradient checkpointing: keeps only each block's input for the backward pass, which then
@@ -149,7 +140,6 @@ impl TrainableEncoder {
     /// their gradients, sums and statistics are f32 with both.
     ///
     /// # Errors
-    ///
     /// When the precision is another.
     pub fn with_precision(mut self, precision: Precision) -> Result<Self> {
         if !matches!(precision, Precision::F32 | Precision::Bf16) {
@@ -185,7 +175,6 @@ impl TrainableEncoder {
     /// All tensors as they are now, for a checkpoint or an [`Encoder`].
     ///
     /// # Errors
-    ///
     /// When a weight is no longer finite.
     pub fn weights(&self) -> Result<Weights> {
         let tensors = self.weights.iter();
@@ -196,7 +185,6 @@ impl TrainableEncoder {
     /// The encoder as it is now, for inference.
     ///
     /// # Errors
-    ///
     /// When a weight is no longer finite.
     pub fn encoder(&self) -> Result<Encoder> {
         Encoder::new(self.kind, self.weights()?)?.with_depths(&self.depths)
@@ -206,18 +194,15 @@ impl TrainableEncoder {
     /// batch norm by the batch's own statistics, which also move the running ones.
     ///
     /// # Errors
-    ///
     /// When the tensor is of another shape or type or computed from a variable (there is no gradient
     /// for images), or a batch norm sees a single number in each channel.
     pub fn forward(&mut self, images: &Tensor) -> Result<Tensor> {
         let size = check(&self.network, images)?;
-        let (embeddings, statistics) = if self.plain {
-            let net = Plain::training(&self.network, &self.weights);
-            let embeddings = net.embed(&normalise(images, &self.network.normalisation)?)?;
-            (embeddings, net.into_statistics())
-        } else {
-            self.run(images, size)?
-        };
+        #[cfg(test)]
+        if self.plain {
+            return self.forward_plain(images);
+        }
+        let (embeddings, statistics) = self.run(images, size)?;
         for statistics in statistics {
             self.update(&statistics)?;
         }
@@ -231,7 +216,6 @@ impl TrainableEncoder {
     /// loss, all by one encoder.
     ///
     /// # Errors
-    ///
     /// When candle's backward pass fails, or another encoder's embeddings are in the loss.
     pub fn backward(&self, loss: &Tensor) -> Result<GradStore> {
         let (mut store, Gradients(gradients)) = self.received.listen(loss)?;
@@ -266,7 +250,7 @@ impl TrainableEncoder {
     }
 
     /// Moves a batch norm's running statistics towards a batch's.
-    fn update(&mut self, batch: &BatchStatistics) -> Result<()> {
+    pub(super) fn update(&mut self, batch: &BatchStatistics) -> Result<()> {
         let unbiased = batch.count as f64 / (batch.count - 1) as f64;
         for (leaf, values, factor) in [
             ("running_mean", &batch.mean, 1.0),

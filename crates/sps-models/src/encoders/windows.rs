@@ -37,7 +37,6 @@ impl Encoder {
     /// ```
     ///
     /// # Errors
-    ///
     /// When the network is one of sequences; when the image does not fill its size or has a side below
     /// the network's least; when the window is larger than the image or smaller than a cell of the
     /// feature map, the stride is 0, or the embeddings take more than a gibibyte.

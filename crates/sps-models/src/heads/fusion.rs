@@ -64,7 +64,6 @@ impl FusionLoss {
     /// stand beside it.
     ///
     /// # Errors
-    ///
     /// Not one loss per set, or a view that is not there.
     pub fn losses(&self, sets: &[usize], losses: &mut [f64]) -> Result<()> {
         if sets.len() != losses.len() * self.slots {
@@ -206,7 +205,6 @@ impl TrainedHeads {
     /// `surfaces` that have a reading of its property.
     ///
     /// # Errors
-    ///
     /// No head for the trial, a head that is no late fusion, tables that do not fit it, a surface
     /// that is not there, or none with a reading.
     pub fn fusion_loss(

@@ -139,18 +139,16 @@ pub(super) fn stacks(
     jobs: &[Job<'_>],
 ) -> Result<Vec<Vec<usize>>> {
     let mut groups = BTreeMap::<_, Vec<usize>>::new();
-    let mut order: Vec<usize> = (0..jobs.len()).collect();
-    // Those of a rerun side by side: they go through the same rows, which are then in a core's cache.
-    order.sort_by_key(|&index| jobs[index].trial.rerun);
-    for index in order {
-        let job = &jobs[index];
+    for (index, job) in jobs.iter().enumerate() {
         let shape = (job.training.len(), job.validation.len(), job.classes());
         groups.entry(shape).or_default().push(index);
     }
     let threads = rayon::current_num_threads();
     let per_thread = jobs.len().div_ceil(threads.max(1)).max(1);
     let mut stacks = Vec::new();
-    for group in groups.values() {
+    for group in groups.values_mut() {
+        // Those of a rerun go through the same rows, which are then in a core's cache.
+        group.sort_by_key(|&index| jobs[index].trial.rerun);
         let parameters = specs(config, jobs[group[0]].dims(config, data.embeddings))?.into_iter();
         let counts = parameters.map(|spec| spec.shape.into_iter().product::<usize>());
         let fitting = LARGEST_STACK / counts.sum::<usize>().max(1);

@@ -83,7 +83,6 @@ impl Head {
     /// Checks a configuration.
     ///
     /// # Errors
-    ///
     /// The first value that is out of its range, with its key.
     pub fn new(config: HeadConfig) -> Result<Self> {
         config.check()?;
@@ -103,7 +102,6 @@ impl Head {
     /// that they have without it.
     ///
     /// # Errors
-    ///
     /// A plan that does not fit the data, labels that cannot be formed, a property without a
     /// training reading, or under early stopping without one on the validation part; an observer
     /// that [stops](Observer::stops) it.

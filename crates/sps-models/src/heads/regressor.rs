@@ -13,7 +13,6 @@ use crate::error::{Error, Result};
 /// surface, or `(surfaces, views, width)`.
 ///
 /// # Errors
-///
 /// Another rank or type, and what [`Embeddings::new`] says.
 pub fn embeddings_of(tensor: &Tensor) -> Result<Embeddings> {
     let shape = match *tensor.dims() {
@@ -41,7 +40,6 @@ const HEADS: OtherKind = OtherKind {
 /// [`sps_regress::fitted_from_bytes`], which knows heads too, by themselves and in stacks.
 ///
 /// # Errors
-///
 /// A kind that there is not, and bytes that are not models of it.
 pub fn fitted_from_bytes(kind: &str, name: &str, bytes: &[u8]) -> Result<Box<dyn FittedRegressor>> {
     Ok(sps_regress::fitted_from_bytes(kind, name, bytes, &[HEADS])?)

@@ -50,7 +50,6 @@ impl TrainedHeads {
     /// The file's content; the same heads give the same bytes.
     ///
     /// # Errors
-    ///
     /// A parameter that is not finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let metadata = Metadata {
@@ -78,7 +77,6 @@ impl TrainedHeads {
     /// Reads the content of a file; `name` stands for it in error messages.
     ///
     /// # Errors
-    ///
     /// Metadata that are missing, of another format or not valid; a tensor that is missing, of
     /// another shape than the configuration asks for, not finite, or not asked for.
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self> {

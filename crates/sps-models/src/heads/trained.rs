@@ -206,7 +206,6 @@ impl TrainedHeads {
     /// heads have slots, any number for view pooling.
     ///
     /// # Errors
-    ///
     /// Embeddings of another width or number of views than the heads take.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
         let estimates = parallel::map(&self.heads, |head| {

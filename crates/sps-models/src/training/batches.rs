@@ -32,7 +32,6 @@ pub trait ImageSource: Sync {
     /// Decodes or renders an image.
     ///
     /// # Errors
-    ///
     /// When there is no such image, or it cannot be read.
     fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>>;
 }

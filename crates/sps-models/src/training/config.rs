@@ -198,7 +198,6 @@ impl TrainingConfig {
     /// Refuses the first value that is out of its range, by its key.
     ///
     /// # Errors
-    ///
     /// That value, and what it may be.
     pub fn check(&self) -> Result<()> {
         self.objective.check()?;

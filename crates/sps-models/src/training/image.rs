@@ -19,7 +19,6 @@ impl Image {
     /// An image of `(height, width, 3)` values.
     ///
     /// # Errors
-    ///
     /// When there are not as many values as the size asks for.
     pub fn new(height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
         Self::of(None, height, width, pixels)
@@ -28,7 +27,6 @@ impl Image {
     /// A sequence of `(frames, height, width, 3)` values.
     ///
     /// # Errors
-    ///
     /// When there are not as many values as the size asks for.
     pub fn sequence(frames: usize, height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
         Self::of(Some(frames), height, width, pixels)

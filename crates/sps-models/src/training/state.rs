@@ -32,7 +32,6 @@ impl Trainer {
     /// Everything that the next epoch depends on, as the content of a safetensors file.
     ///
     /// # Errors
-    ///
     /// When a weight is no longer finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let metadata = Metadata {
@@ -70,7 +69,6 @@ impl Trainer {
     /// training began with; `name` stands for the bytes in errors.
     ///
     /// # Errors
-    ///
     /// Bytes that are no such state, or one of another training.
     pub fn resume(
         name: &str,

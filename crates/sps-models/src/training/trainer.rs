@@ -89,7 +89,6 @@ impl Trainer {
     /// Begins to train a copy of `encoder` on images with the given targets.
     ///
     /// # Errors
-    ///
     /// A config that cannot be meant, targets that do not fit the images, an empty training part.
     pub fn new(
         encoder: &Encoder,
@@ -140,7 +139,6 @@ impl Trainer {
     /// Trains one epoch; `observe` sees each step.
     ///
     /// # Errors
-    ///
     /// An image that cannot be had or is of another size than its batch; a loss, of a step or of the
     /// validation images, that is no longer finite.
     pub fn epoch(
@@ -184,7 +182,6 @@ impl Trainer {
     /// The network: the best on the validation images, or the last where there are none.
     ///
     /// # Errors
-    ///
     /// When a weight is no longer finite.
     pub fn into_encoder(self) -> Result<Encoder> {
         match self.best {

@@ -41,7 +41,6 @@ impl Weights {
     /// no tensor is refused by name.
     ///
     /// # Errors
-    ///
     /// When the file cannot be read, is of no such format, holds elements of another type, or
     /// holds a value that is not finite as f32.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, WeightsError> {
@@ -53,7 +52,6 @@ impl Weights {
     /// Reads the content of a weights file; `origin` names it in errors.
     ///
     /// # Errors
-    ///
     /// As [`Weights::read`].
     pub fn from_bytes(origin: &str, bytes: &[u8]) -> Result<Self, WeightsError> {
         let tensors = sps_weights::read(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
@@ -63,7 +61,6 @@ impl Weights {
     /// The tensors as a safetensors file, f32; the same tensors give the same bytes.
     ///
     /// # Errors
-    ///
     /// When a tensor's values cannot be had from its device.
     pub fn to_bytes(&self) -> Result<Vec<u8>, WeightsError> {
         self.to_bytes_as(Storage::F32, None)
@@ -73,7 +70,6 @@ impl Weights {
     /// and text) in the file's metadata.
     ///
     /// # Errors
-    ///
     /// When a tensor's values cannot be had from its device, or one is not finite: it could not be read
     /// back.
     pub fn to_bytes_as(
@@ -90,7 +86,6 @@ impl Weights {
     /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.
     ///
     /// # Errors
-    ///
     /// When it is no safetensors file or has no note of this name.
     pub fn note(origin: &str, bytes: &[u8], name: &str) -> Result<String, WeightsError> {
         sps_weights::note(bytes, name).map_err(|kind| WeightsError::new(origin, kind))
@@ -109,7 +104,6 @@ impl Weights {
     /// Takes tensors that are in memory already; `origin` names them in errors.
     ///
     /// # Errors
-    ///
     /// When a tensor is no floating-point tensor or a value is not finite as f32.
     pub fn from_tensors(
         origin: &str,
@@ -212,7 +206,6 @@ impl Weights {
     /// A tensor by its name, f32.
     ///
     /// # Errors
-    ///
     /// When there is none of this name.
     pub fn get(&self, name: &str) -> Result<&Tensor, WeightsError> {
         let missing = || self.error(name, "is missing");

@@ -1,4 +1,4 @@
-use ndarray::{Array2, Axis, concatenate, s};
+use ndarray::{Array2, Axis, concatenate};
 use sps_regress::ridge::{Ridge, RidgeConfig, TrainedRidges};
 use sps_regress::{Embeddings, FittedRegressor, TrainingData};
 
@@ -21,10 +21,9 @@ fn direct(rows: &Array2<f64>, values: &[f64], penalty: f64) -> (Vec<f64>, f64) {
     let features = concatenate![Axis(1), *rows, Array2::ones((samples, 1))];
     let values = Array2::from_shape_fn((samples, 1), |(row, _)| values[row]);
     let mut system = features.t().dot(&concatenate![Axis(1), features, values]);
-    let mut penalised = system.diag_mut();
-    penalised
-        .slice_mut(s![..width])
-        .map_inplace(|value| *value += samples as f64 * penalty);
+    for feature in 0..width {
+        system[[feature, feature]] += samples as f64 * penalty;
+    }
     let mut weights = solved(system);
     let intercept = weights.pop().unwrap();
     (weights, intercept)
@@ -37,19 +36,13 @@ fn fit(
     units: Option<&[usize]>,
     penalties: &[f64],
 ) -> TrainedRidges {
-    let set = Set::of(
-        features.clone(),
-        &[values.iter().copied().map(Some).collect()],
-    );
-    let data = TrainingData {
-        units,
-        ..set.data()
-    };
+    let readings = values.iter().copied().map(Some).collect();
+    let set = Set::of(features.clone(), &[readings]);
+    let plan = set.plan(0..values.len(), &[0]);
+    let data = set.data();
     let penalties = penalties.to_vec();
     let ridge = Ridge::new(RidgeConfig { penalties }).unwrap();
-    ridge
-        .train(&data, &set.plan(0..values.len(), &[0]))
-        .unwrap()
+    ridge.train(&TrainingData { units, ..data }, &plan).unwrap()
 }
 
 fn mean_variance(rows: &Array2<f64>) -> f64 {
@@ -112,22 +105,17 @@ fn the_penalty_is_the_best_when_each_unit_is_left_out() {
         let less = |a: &f64, b: &f64| error(*a).total_cmp(&error(*b));
         assert_eq!(penalties.into_iter().min_by(less), Some(chosen(&penalties)));
         for small in [0.001, 0.01, 0.1] {
-            let beyond = |target: f64| {
-                let halved = (0..60).fold((0.3, 1000.0), |(low, high), _| {
+            let [better, worse] = [-1e-9, 1e-9].map(|part| {
+                let [mut low, mut high] = [0.3, 1000.0];
+                for _ in 0..60 {
                     let middle = 0.5 * (low + high);
-                    if error(middle) < target {
-                        (middle, high)
-                    } else {
-                        (low, middle)
-                    }
-                });
-                halved.1
-            };
-            let [better, worse] = [-1e-9, 1e-9].map(|part| beyond(error(small) * (1.0 + part)));
-            assert_eq!(
-                [chosen(&[small, better]), chosen(&[small, worse])],
-                [better, small]
-            );
+                    let under = error(middle) < error(small) * (1.0 + part);
+                    *(if under { &mut low } else { &mut high }) = middle;
+                }
+                high
+            });
+            assert_eq!(chosen(&[small, better]), better);
+            assert_eq!(chosen(&[small, worse]), small);
         }
     }
 }

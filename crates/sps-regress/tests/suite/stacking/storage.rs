@@ -101,10 +101,8 @@ fn what_could_not_be_read_again_is_not_written() {
 fn a_weight_that_is_not_finite_is_not_written() {
     let signs = (0..30).map(|s| [1.0_f32, -1.0][s % 2]);
     let readings = signs.clone().map(|x| Some(1e160 * f64::from(x))).collect();
-    let set = Set::of(
-        Embeddings::new(signs.collect(), [30, 1, 1]).unwrap(),
-        &[readings],
-    );
+    let embeddings = Embeddings::new(signs.collect(), [30, 1, 1]).unwrap();
+    let set = Set::of(embeddings, &[readings]);
     let rule = Rule::new(|x| 1e-160 * f64::from(x[0]));
     let stack = Stacking::new(vec![Box::new(rule)], 2).unwrap();
     let stacks = stack.train(&set.data(), &set.reruns(1)).unwrap();
@@ -141,14 +139,13 @@ fn deep(depth: usize, set: &Set) -> Box<dyn FittedRegressor> {
 #[test]
 fn stacks_may_be_8_deep() {
     let set = Set::stacked(30);
-    let values = |depth| {
+    let estimates = |depth| {
         deep(depth, &set)
             .predict(&set.embeddings)
             .unwrap()
             .remove(0)
-            .values
     };
-    for (found, expected) in values(8).iter().zip(values(0)) {
+    for (found, expected) in estimates(8).values.iter().zip(estimates(0).values) {
         assert!((found - expected).abs() < 1e-12);
     }
 }

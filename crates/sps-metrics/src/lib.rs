@@ -16,7 +16,7 @@ pub use accumulate::ScoreAccumulator;
 pub use conformal::{
     ConformalError, Coverage, GroupConformal, PredictionInterval, SplitConformal, coverage,
 };
-pub use interval::{IntervalError, Intervals, ScoreInterval, Scored, holm};
+pub use interval::{IntervalError, Intervals, ScoreInterval, Scored, Side, holm};
 pub use level::{InvalidLevel, Level};
 pub use moments::Moments;
 pub use outcome::{NonFiniteKind, Outcome, Quantity, Score, Undefined};

@@ -1,9 +1,10 @@
 //! How much better a method is than others, paired by surface.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined, over_reruns};
+use sps_metrics::{IntervalError, Scored, Side, Undefined, over_reruns};
 
 use super::judged::{Judged, Reference};
 use super::notes::Notes;
@@ -75,13 +76,15 @@ fn gain(
         let theirs = other.outcomes.get(property).into_iter().flatten();
         for (mine, theirs) in mine.iter().zip(theirs) {
             let sides = mine.common(theirs);
-            if sides.iter().all(Judged::has_r2) {
+            if sides.iter().all(|side| side.has_r2()) {
                 pairs.push(sides);
             }
         }
     }
     let what = format!("the interval of the gain over {}", other.row.label);
-    let found = notes.found(&what, difference(&pairs, scoring));
+    let difference = side(method, &pairs, 0)
+        .and_then(|mine| scoring.intervals.between(&mine, &side(other, &pairs, 1)?));
+    let found = notes.found(&what, difference);
     Some(Gain {
         value: mean_difference(&pairs)?,
         interval: found.map(|found| [found.low, found.high]),
@@ -90,9 +93,9 @@ fn gain(
 }
 
 /// Two methods' estimates in one rerun, on the surfaces that both have; both have an R².
-type Pair<'a> = [Judged<'a>; 2];
+type Pair<'m, 'a> = [Cow<'m, Judged<'a>>; 2];
 
-fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
+fn mean_difference(pairs: &[Pair<'_, '_>]) -> Option<f64> {
     let scores = |at: usize| {
         let scores = pairs.iter().map(|pair| pair[at].score(Kind::R2));
         let scores = scores.map(|score| score.map(|score| score.value));
@@ -101,11 +104,22 @@ fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
     Some(scores(0)? - scores(1)?)
 }
 
-fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {
-    let side = |at: usize| {
-        let pairs = pairs.iter();
-        let scored = pairs.map(|pair| pair[at].scored(Reference::Training));
-        scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()
+/// One side of the pairs: that of all trials of its method where none is left out or has lost surfaces.
+fn side(
+    method: &MethodOutcomes<'_>,
+    pairs: &[Pair<'_, '_>],
+    at: usize,
+) -> Result<Side, IntervalError> {
+    let of = |trials: &[&Judged<'_>]| {
+        let scored = trials
+            .iter()
+            .map(|judged| judged.scored(Reference::Training));
+        Side::of(&scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()?)
     };
-    scoring.intervals.difference(&side(0)?, &side(1)?)
+    let all: Vec<&Judged<'_>> = method.trials().filter(|judged| judged.has_r2()).collect();
+    let whole = |pair: &Pair<'_, '_>| matches!(pair[at], Cow::Borrowed(_));
+    if pairs.len() == all.len() && pairs.iter().all(whole) {
+        return method.r2.get_or_init(|| of(&all)).clone();
+    }
+    of(&pairs.iter().map(|pair| &*pair[at]).collect::<Vec<_>>())
 }

@@ -1,5 +1,6 @@
 //! The outcome of one trial, as it is scored: that of one split, or those of all folds of a rerun.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 use sps_metrics::{Metric, Outcome, Samples, Scored, TrainingMean, Undefined};
@@ -19,13 +20,19 @@ pub(crate) struct Judged<'a> {
     pub folds: &'a [journal::Outcome],
     /// How many of them are scored.
     scored: usize,
-    surfaces: Vec<&'a str>,
+    /// By their numbers.
+    surfaces: Vec<usize>,
     /// The unit of each surface, by its number: what is alike.
     units: Vec<usize>,
     values: Values,
     /// What R² about the training mean is computed from, with that mean.
     about_training: (Values, f64),
+    /// About the training mean.
+    r2: Outcome,
 }
+
+/// The numbers of a surface and of its unit, by the surface's name.
+pub(crate) type Numbers<'a> = HashMap<&'a str, [usize; 2]>;
 
 /// What R² is about.
 #[derive(Clone, Copy)]
@@ -74,12 +81,8 @@ impl Values {
 }
 
 impl<'a> Judged<'a> {
-    /// Of all folds of a rerun; `units` has the unit of each surface, by the surface's name.
-    pub(crate) fn of(
-        rerun: usize,
-        folds: &'a [journal::Outcome],
-        units: &HashMap<String, usize>,
-    ) -> Self {
+    /// Of all folds of a rerun.
+    pub(crate) fn of(rerun: usize, folds: &'a [journal::Outcome], numbers: &Numbers<'_>) -> Self {
         let scored = folds.iter().filter(|fold| fold.failed.is_none());
         let scored: Vec<_> = scored.collect();
         let values = Values::of(&scored, |_| 0.0);
@@ -87,15 +90,17 @@ impl<'a> Judged<'a> {
             [one] => (values.clone(), one.training_mean),
             _ => (Values::of(&scored, |fold| fold.training_mean), 0.0),
         };
-        let surfaces = scored.iter().flat_map(|fold| &fold.surfaces);
-        let unit = |name: &String| units.get(name).copied().unwrap_or(usize::MAX);
+        let names = scored.iter().flat_map(|fold| &fold.surfaces);
+        let numbers = names.map(|name| numbers.get(&name[..]).copied().unwrap_or([usize::MAX; 2]));
+        let (surfaces, units) = numbers.map(|[surface, unit]| (surface, unit)).unzip();
         Self {
             rerun,
             folds,
             scored: scored.len(),
-            units: surfaces.clone().map(unit).collect(),
-            surfaces: surfaces.map(String::as_str).collect(),
+            surfaces,
+            units,
             values,
+            r2: r2(&about_training),
             about_training,
         }
     }
@@ -105,7 +110,7 @@ impl<'a> Judged<'a> {
         self.scored == 0
     }
 
-    pub(super) fn surfaces(&self) -> &[&'a str] {
+    pub(super) fn surfaces(&self) -> &[usize] {
         &self.surfaces
     }
 
@@ -123,31 +128,22 @@ impl<'a> Judged<'a> {
 
     /// R² is about the mean of the training part.
     pub(super) fn score(&self, kind: Kind) -> Outcome {
-        let (metric, samples) = match kind {
-            Kind::R2 => self.r2(Reference::Training)?,
-            kind => (kind.metric()?, self.samples()),
-        };
-        metric.score(samples)
+        match kind {
+            Kind::R2 => self.r2.clone(),
+            kind => kind.metric()?.score(self.samples()),
+        }
     }
 
     pub(super) fn has_r2(&self) -> bool {
-        !self.is_empty() && self.score(Kind::R2).is_ok()
-    }
-
-    /// R² as a metric, and what it is computed from.
-    fn r2(&self, about: Reference) -> Result<(Metric, Samples<'_>), Undefined> {
-        Ok(match about {
-            Reference::Training => {
-                let (values, mean) = &self.about_training;
-                (Metric::R2(TrainingMean::new(*mean)?), values.samples())
-            }
-            Reference::HeldOut => (Metric::R2OwnMean, self.samples()),
-        })
+        !self.is_empty() && self.r2.is_ok()
     }
 
     /// As R² of a rerun, about the mean of the training part or that of the surfaces held out.
     pub(super) fn scored(&self, about: Reference) -> Result<Scored<'_>, Undefined> {
-        let (metric, samples) = self.r2(about)?;
+        let (metric, samples) = match about {
+            Reference::Training => about_training(&self.about_training)?,
+            Reference::HeldOut => (Metric::R2OwnMean, self.samples()),
+        };
         Ok(Scored {
             metric,
             samples,
@@ -157,18 +153,20 @@ impl<'a> Judged<'a> {
     }
 
     /// Both on the surfaces that both have, in the same order.
-    pub(super) fn common(&self, other: &Self) -> [Self; 2] {
+    pub(super) fn common<'j>(&'j self, other: &'j Self) -> [Cow<'j, Self>; 2] {
         if self.surfaces == other.surfaces {
-            return [self.clone(), other.clone()];
+            return [self, other].map(Cow::Borrowed);
         }
-        [self.among(&other.surfaces), other.among(&self.surfaces)]
+        let both = [(self, other), (other, self)];
+        both.map(|(one, other)| Cow::Owned(one.among(&other.surfaces)))
     }
 
-    fn among(&self, names: &[&str]) -> Self {
-        let names: HashSet<&str> = names.iter().copied().collect();
-        let kept = (0..self.surfaces.len()).filter(|&at| names.contains(self.surfaces[at]));
+    fn among(&self, surfaces: &[usize]) -> Self {
+        let surfaces: HashSet<&usize> = surfaces.iter().collect();
+        let kept = (0..self.surfaces.len()).filter(|&at| surfaces.contains(&self.surfaces[at]));
         let kept: Vec<usize> = kept.collect();
-        let (about_training, mean) = &self.about_training;
+        let (values, mean) = &self.about_training;
+        let about_training = (values.at(&kept), *mean);
         Self {
             rerun: self.rerun,
             folds: self.folds,
@@ -176,7 +174,18 @@ impl<'a> Judged<'a> {
             surfaces: kept.iter().map(|&at| self.surfaces[at]).collect(),
             units: kept.iter().map(|&at| self.units[at]).collect(),
             values: self.values.at(&kept),
-            about_training: (about_training.at(&kept), *mean),
+            r2: r2(&about_training),
+            about_training,
         }
     }
+}
+
+fn r2(values: &(Values, f64)) -> Outcome {
+    let (metric, samples) = about_training(values)?;
+    metric.score(samples)
+}
+
+/// R² as a metric, and what it is computed from.
+fn about_training((values, mean): &(Values, f64)) -> Result<(Metric, Samples<'_>), Undefined> {
+    Ok((Metric::R2(TrainingMean::new(*mean)?), values.samples()))
 }

@@ -22,7 +22,7 @@ use sps_dataset::Unit;
 pub use costs::Costs;
 pub use gains::{Gain, Gains};
 pub use intervals::{AdaptiveResult, GivenIntervals};
-pub(crate) use judged::Judged;
+pub(crate) use judged::{Judged, Numbers};
 pub use means::Means;
 pub(crate) use score::{MethodOutcomes, Scoring, score};
 pub use scores::{Kind, PropertyScores};

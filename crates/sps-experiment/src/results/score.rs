@@ -1,8 +1,9 @@
 //! From outcomes of trials to the numbers of one method.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
+use std::sync::OnceLock;
 
-use sps_metrics::Intervals;
+use sps_metrics::{IntervalError, Intervals, Side};
 
 use super::notes::Notes;
 use super::scores::intervals;
@@ -33,6 +34,8 @@ pub(crate) struct MethodOutcomes<'a> {
     pub adaptive: Option<Adaptive>,
     /// In the order of the reruns, for each property.
     pub outcomes: PerProperty<Vec<Judged<'a>>>,
+    /// The R² of all that have one, once a gain has needed it.
+    pub r2: OnceLock<Result<Side, IntervalError>>,
 }
 
 impl<'a> MethodOutcomes<'a> {
@@ -61,8 +64,11 @@ pub(crate) fn score(
     let mut scores = PropertyScores::of(method, scoring, &mut notes);
     let gains = Gains::of(method, methods, against, scoring, &mut notes);
     scores.r2_interval = intervals(method, scoring, &mut notes);
-    let surfaces: BTreeSet<_> = method.trials().flat_map(Judged::surfaces).collect();
-    let units: BTreeSet<_> = method.trials().flat_map(Judged::units).collect();
+    // Most trials have the same.
+    let surfaces: HashSet<&[usize]> = method.trials().map(Judged::surfaces).collect();
+    let units: HashSet<&[usize]> = method.trials().map(Judged::units).collect();
+    let [surfaces, units] =
+        [surfaces, units].map(|lists| lists.into_iter().flatten().collect::<BTreeSet<_>>());
     let (mut selected_views, mut training_means) = (PerProperty::new(), PerProperty::new());
     for (property, outcomes) in &method.outcomes {
         let folds = outcomes.iter().flat_map(|judged| judged.folds);
@@ -135,10 +141,12 @@ mod tests {
     }
 
     fn method<'a>(id: &str, outcomes: &'a [Outcome], of_rerun: usize) -> MethodOutcomes<'a> {
-        let names = ["a", "b", "c", "d"].map(str::to_owned);
-        let units = names.into_iter().zip(0..).collect();
+        let numbers = ["a", "b", "c", "d"]
+            .into_iter()
+            .zip((0..).map(|at| [at; 2]));
+        let numbers = numbers.collect();
         let reruns = outcomes.chunks(of_rerun).enumerate();
-        let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, &units));
+        let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, &numbers));
         let judged: Vec<Judged<'_>> = judged.collect();
         MethodOutcomes {
             row: MethodResult {
@@ -149,6 +157,7 @@ mod tests {
             },
             adaptive: None,
             outcomes: PerProperty::from([("fRS".to_owned(), judged)]),
+            r2: OnceLock::new(),
         }
     }
 

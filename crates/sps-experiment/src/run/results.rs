@@ -1,6 +1,6 @@
 //! The results of a run, from the rows of its methods.
 
-use std::collections::HashMap;
+use std::sync::OnceLock;
 
 use anyhow::{Context, Result};
 use rayon::prelude::*;
@@ -19,8 +19,8 @@ use crate::encoder;
 use crate::journal::{Journal, Outcome};
 use crate::paper;
 use crate::results::{
-    Costs, Dataset, Described, Judged, MethodOutcomes, MethodResult, PerProperty, Results, Scoring,
-    Speed, score,
+    Costs, Dataset, Described, Judged, MethodOutcomes, MethodResult, Numbers, PerProperty, Results,
+    Scoring, Speed, score,
 };
 
 /// A method with all its outcomes, by property, in the order of the reruns.
@@ -74,7 +74,7 @@ impl<'m> MethodRow<'m> {
         experiment: &Experiment,
         source: &dyn Source,
         splits: &Splits,
-        units: &HashMap<String, usize>,
+        numbers: &Numbers<'_>,
     ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
         let trained_on = splits.of_method(method, experiment.seed)?;
@@ -99,19 +99,16 @@ impl<'m> MethodRow<'m> {
         Ok(MethodOutcomes {
             row,
             adaptive: method.adaptive,
-            outcomes: self.judged(splits.of_rerun, units),
+            outcomes: self.judged(splits.of_rerun, numbers),
+            r2: OnceLock::new(),
         })
     }
 
     /// Its outcomes, the folds of a rerun together.
-    fn judged(
-        &self,
-        of_rerun: usize,
-        units: &HashMap<String, usize>,
-    ) -> PerProperty<Vec<Judged<'_>>> {
+    fn judged(&self, of_rerun: usize, numbers: &Numbers<'_>) -> PerProperty<Vec<Judged<'_>>> {
         let of_property = self.outcomes.iter().map(|(property, outcomes)| {
             let reruns = outcomes.chunks(of_rerun).enumerate();
-            let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, units));
+            let judged = reruns.map(|(rerun, folds)| Judged::of(rerun, folds, numbers));
             (property.clone(), judged.collect())
         });
         of_property.collect()
@@ -127,9 +124,10 @@ pub(super) fn results(
     rows: &[MethodRow<'_>],
 ) -> Result<Results> {
     let properties = codes(&tables::properties(source, &experiment.properties)?);
-    let units = source.surfaces().iter().zip(splits.units.of_surface());
-    let units = units.map(|(surface, &unit)| (surface.id.clone(), unit));
-    let units: HashMap<String, usize> = units.collect();
+    let surfaces = source.surfaces().iter().enumerate();
+    let numbers = surfaces.zip(splits.units.of_surface());
+    let numbers = numbers.map(|((number, surface), &unit)| (&surface.id[..], [number, unit]));
+    let numbers: Numbers<'_> = numbers.collect();
     let described = described(source, about, &properties);
     let dataset = dataset(experiment, source, about, splits);
     let after_the_paper = dataset.is_after_the_paper();
@@ -161,8 +159,8 @@ pub(super) fn results(
         top8: if after_the_paper { paper::top8() } else { &[] },
         intervals: Intervals::of_training(experiment.interval_level).sharing(test_per_training),
     };
-    let outcomes = rows.iter();
-    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits, &units));
+    let outcomes = rows.par_iter();
+    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits, &numbers));
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes.collect::<Result<_>>()?;
     let scored = |method| score(method, &outcomes, &experiment.against, &scoring);
     let methods: Vec<MethodResult> = outcomes.par_iter().map(scored).collect();

@@ -15,9 +15,10 @@ pub(crate) struct Part {
     pub degrees_of_freedom: f64,
 }
 
-/// The mean of one method's scores, and how it changes.
-pub(super) struct Side {
-    pub mean: f64,
+/// The mean of one method's scores, and how it changes, for any number of differences.
+#[derive(Clone, Debug)]
+pub struct Side {
+    pub(super) mean: f64,
     /// What each unit is to the mean, by its number.
     units: BTreeMap<usize, Change>,
     /// The scores of each rerun, by its number.
@@ -26,7 +27,11 @@ pub(super) struct Side {
 }
 
 impl Side {
-    pub(super) fn of(scored: &[Scored<'_>]) -> Result<Self, IntervalError> {
+    /// Of these scores.
+    ///
+    /// # Errors
+    /// As [`Intervals::interval`](super::Intervals::interval).
+    pub fn of(scored: &[Scored<'_>]) -> Result<Self, IntervalError> {
         if scored.is_empty() {
             return Err(Undefined::Empty.into());
         }

@@ -1,7 +1,5 @@
 //! By how much a score changes when a unit is left out, or weighs more, without scoring again.
 
-use std::collections::BTreeMap;
-
 use super::{IntervalError, Scored};
 use crate::samples::Pair;
 
@@ -33,14 +31,13 @@ pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, Change)>, Inter
     }
     let unit = |at: usize| scored.units.map_or(at, |units| units[at]);
     let terms = scored.metric.terms(scored.samples)?;
-    let mut of_unit: BTreeMap<usize, Sums> = BTreeMap::new();
-    let mut total = Sums::default();
-    for (at, term) in terms.each.iter().enumerate() {
-        of_unit.entry(unit(at)).or_default().add(term);
-        total.add(term);
-    }
+    let total = sum(terms.each.iter().copied());
+    let mut order: Vec<usize> = (0..samples).collect();
+    order.sort_by_key(|&at| unit(at));
     let whole = (terms.score)(total);
-    let changes = of_unit.into_iter().map(|(unit, sums)| {
+    let of_unit = order.chunk_by(|&one, &next| unit(one) == unit(next));
+    let changes = of_unit.map(|alike| {
+        let sums = sum(alike.iter().map(|&at| terms.each[at]));
         let rest = total.without(sums).map(terms.score);
         let rest = rest.filter(|score| score.is_finite());
         let rest = rest.ok_or(IntervalError::OneUnit)?;
@@ -49,7 +46,7 @@ pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, Change)>, Inter
             without: rest - whole,
             lighter: (weighing(-STEP) - weighing(STEP)) / (2.0 * STEP),
         };
-        Ok((unit, change))
+        Ok((unit(alike[0]), change))
     });
     changes.collect()
 }
@@ -64,11 +61,11 @@ struct Sums {
     squares: f64,
 }
 
-impl Sums {
-    fn add(&mut self, other: &Self) {
-        *self = self.plus(*other, 1.0);
-    }
+fn sum(terms: impl Iterator<Item = Sums>) -> Sums {
+    terms.fold(Sums::default(), |sums, term| sums.plus(term, 1.0))
+}
 
+impl Sums {
     /// With some so many times more.
     fn plus(self, some: Self, times: f64) -> Self {
         Self {

@@ -10,7 +10,8 @@ use thiserror::Error;
 use crate::level::Level;
 use crate::outcome::Undefined;
 use crate::samples::{Metric, Samples};
-use chance::{Part, Side};
+use chance::Part;
+pub use chance::Side;
 pub(crate) use changes::Terms;
 pub use holm::holm;
 pub(crate) use influence::{of_median, of_spearman};
@@ -203,8 +204,15 @@ impl Intervals {
         first: &[Scored<'_>],
         second: &[Scored<'_>],
     ) -> Result<ScoreInterval, IntervalError> {
-        let (first, second) = (Side::of(first)?, Side::of(second)?);
-        let parts = self.parts(&[&first, &second])?;
+        self.between(&Side::of(first)?, &Side::of(second)?)
+    }
+
+    /// As [`difference`](Self::difference), of scores that have other differences, too.
+    ///
+    /// # Errors
+    /// As [`interval`](Self::interval).
+    pub fn between(&self, first: &Side, second: &Side) -> Result<ScoreInterval, IntervalError> {
+        let parts = self.parts(&[first, second])?;
         let counts = [first.counts(), second.counts()];
         let both = [0, 1].map(|at| counts[0][at].max(counts[1][at]));
         Ok(self.found(first.mean - second.mean, &parts, both, Scale::Plain))

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
+use sps_base::parallel;
 
 use crate::files::write_atomically;
 use crate::journal::Outcome;
@@ -73,12 +74,21 @@ pub(crate) fn of_outcomes<'a>(
         .collect()
 }
 
-pub(crate) fn write(folder: &Path, predictions: &[Prediction]) -> Result<()> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for prediction in predictions {
-        writer.serialize(prediction)?;
-    }
-    write_atomically(&folder.join(FILE), &writer.into_inner()?)
+/// Writes them, each trial's lines by itself.
+pub(crate) fn write(
+    folder: &Path,
+    outcomes: &[&Outcome],
+    groups: &HashMap<&str, &str>,
+) -> Result<()> {
+    let lines = parallel::map(outcomes.iter().enumerate(), |(at, &outcome)| {
+        let mut writer = csv::WriterBuilder::new();
+        let mut writer = writer.has_headers(at == 0).from_writer(Vec::new());
+        let mut predictions = of_outcomes([outcome].into_iter(), groups).into_iter();
+        predictions.try_for_each(|prediction| writer.serialize(prediction))?;
+        Ok(writer.into_inner()?)
+    });
+    let lines = lines.into_iter().collect::<Result<Vec<Vec<u8>>>>()?;
+    write_atomically(&folder.join(FILE), &lines.concat())
 }
 
 /// Reads `predictions.csv` from `folder`.

@@ -1,5 +1,5 @@
-//! The paper's encoder at 224 x 224: forward pass and training step, and a matrix product of as many multiply-adds as
-//! one frame needs. The other encoders likewise.
+//! Forward pass and training step of each encoder, and a matrix product of as many multiply-adds as one frame of the
+//! paper's needs.
 //!
 //! `cargo bench -p sps-models --bench encoders`; `docs/kernels.md` says what came out.
 
@@ -10,10 +10,9 @@ use sps_models::Result;
 use sps_models::candle::{DType, Device, Result as Computed, Tensor};
 use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
 
-const KIND: EncoderKind = EncoderKind::SeResNext50;
-
-/// Encoders beside the paper's, with the height and width of their images.
-const OTHERS: [(EncoderKind, usize); 6] = [
+/// Encoders, the paper's first, with the height and width of their images.
+const ENCODERS: [(EncoderKind, usize); 7] = [
+    (EncoderKind::SeResNext50, 224),
     (EncoderKind::EfficientNetLiteBody, 128),
     (EncoderKind::SqueezeNet1_0, 224),
     (EncoderKind::SqueezeNet1_1, 224),
@@ -48,39 +47,8 @@ fn time<T>(
     Ok(())
 }
 
-fn time_step(
-    c: &mut Criterion,
-    [group, name]: [&str; 2],
-    mut encoder: TrainableEncoder,
-    images: &Tensor,
-) -> Result<()> {
-    let batch = images.dim(0)?;
-    let name = format!("{name}, batch {batch}");
-    time(c, [group, &name], batch, || {
-        let loss = encoder.forward(black_box(images))?.sqr()?.mean_all()?;
-        encoder.backward(&loss)
-    })
-}
-
-fn papers(c: &mut Criterion) -> Result<()> {
-    let encoder = Encoder::seeded(KIND, 0)?;
-    let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
-    let images = |batch| values(&[batch, 3, 224, 224]);
-    for batch in [8, 1] {
-        let images = images(batch)?;
-        let mut forward = |name, pass: &dyn Fn(&Tensor) -> Result<Tensor>| {
-            let name = format!("{name}, batch {batch}");
-            time(c, ["forward", &name], batch, || pass(black_box(&images)))
-        };
-        forward("kernels", &|images| encoder.embed(images))?;
-        forward("kernels in bf16", &|images| bf16.embed(images))?;
-    }
-    let trainable = TrainableEncoder::new(&encoder)?;
-    time_step(c, ["training step", "kernels"], trainable, &images(8)?)
-}
-
-fn others(c: &mut Criterion) -> Result<()> {
-    for (kind, extent) in OTHERS {
+fn encoders(c: &mut Criterion) -> Result<()> {
+    for (kind, extent) in ENCODERS {
         let encoder = Encoder::seeded(kind, 0)?;
         let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
         let images = |batch| values(&[batch, 3, extent, extent]);
@@ -92,8 +60,11 @@ fn others(c: &mut Criterion) -> Result<()> {
                 time(c, [kind.name(), &name], batch, pass)?;
             }
         }
-        let trainable = TrainableEncoder::new(&encoder)?;
-        time_step(c, [kind.name(), "training step"], trainable, &images(8)?)?;
+        let (mut trainable, images) = (TrainableEncoder::new(&encoder)?, images(8)?);
+        time(c, [kind.name(), "training step, batch 8"], 8, || {
+            let loss = trainable.forward(black_box(&images))?;
+            trainable.backward(&loss.sqr()?.mean_all()?)
+        })?;
     }
     let sequence = values(&[1, 3, FRAMES, 224, 224])?;
     let encoder = Encoder::seeded(EncoderKind::I3d, 0)?;
@@ -113,7 +84,7 @@ fn product(c: &mut Criterion) -> Result<()> {
 }
 
 fn all(c: &mut Criterion) {
-    for group in [papers, others, product] {
+    for group in [encoders, product] {
         if let Err(error) = group(c) {
             eprintln!("encoders: {error}");
         }

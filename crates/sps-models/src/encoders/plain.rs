@@ -40,8 +40,11 @@ impl TrainableEncoder {
     }
 }
 
-fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-    let row = |values: &[f32; 3]| Tensor::new(values, &Device::Cpu)?.reshape((1, 3, 1, 1));
+pub(super) fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+    let row = |values: &[f32; 3]| {
+        let row = Tensor::new(values, &Device::Cpu)?.to_dtype(images.dtype())?;
+        row.reshape((1, 3, 1, 1))
+    };
     let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
     Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
 }
@@ -122,7 +125,7 @@ impl<'a> Plain<'a> {
                 let parts: Vec<Tensor> = convs.iter().map(part).collect::<Result<_>>()?;
                 Ok(Tensor::cat(&parts, 1)?)
             }
-            Layer::MaxPool(pool) => self.max_pool(pool, &maps[&pool.input]),
+            Layer::MaxPool(pool) => max_pool(pool, &maps[&pool.input]),
         }
     }
 
@@ -195,25 +198,6 @@ impl<'a> Plain<'a> {
         let normed = centred.broadcast_div(&(variance + self.network.eps)?.sqrt()?)?;
         let scaled = normed.broadcast_mul(&self.row(layer, "weight")?)?;
         Ok(scaled.broadcast_add(&self.row(layer, "bias")?)?)
-    }
-
-    /// By candle's own operator in inference, and by operators that have gradients in training.
-    fn max_pool(&self, pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
-        let size = extents(x)?;
-        let window = pool.slide.window(size);
-        let Some([_, rows, columns]) = pool.output(size) else {
-            let found = format_args!("a map of {size:?}");
-            return Err(Error::input("images", found, "larger ones"));
-        };
-        let x = pad(x, &window)?;
-        let Window { size, stride, .. } = window;
-        if self.statistics.is_some() {
-            let x = largest_of_rows(&x, 2, (size[1], stride[1]), rows)?;
-            return largest_of_rows(&x, 3, (size[2], stride[2]), columns);
-        }
-        let x = pad_end(&x, 2, (rows - 1) * stride[1] + size[1])?;
-        let x = pad_end(&x, 3, (columns - 1) * stride[2] + size[2])?;
-        Ok(x.max_pool2d_with_stride((size[1], size[2]), (stride[1], stride[2]))?)
     }
 }
 
@@ -298,9 +282,22 @@ fn convolve(x: &Tensor, weight: &Tensor, window: &Window, groups: usize) -> Resu
     Ok(y.transpose(0, 1)?.contiguous()?)
 }
 
-/// Max pooling along one axis to `count` places by a window of such a size and stride, by operators
-/// that have gradients where windows overlap: candle's max pooling has none. What hangs over the
-/// edge sees the last row.
+/// By operators that have gradients where windows overlap: candle's own has none.
+fn max_pool(pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
+    let size = extents(x)?;
+    let window = pool.slide.window(size);
+    let Some([_, rows, columns]) = pool.output(size) else {
+        let found = format_args!("a map of {size:?}");
+        return Err(Error::input("images", found, "larger ones"));
+    };
+    let x = pad(x, &window)?;
+    let Window { size, stride, .. } = window;
+    let x = largest_of_rows(&x, 2, (size[1], stride[1]), rows)?;
+    largest_of_rows(&x, 3, (size[2], stride[2]), columns)
+}
+
+/// Max pooling along one axis to `count` places by a window of such a size and stride. What hangs over the edge sees
+/// the last row.
 fn largest_of_rows(
     x: &Tensor,
     dim: usize,
@@ -316,17 +313,4 @@ fn largest_of_rows(
         });
     }
     Ok(largest.unwrap_or_else(|| x.clone()))
-}
-
-/// Repeats the last row or column up to an extent: what max pooling needs, since it changes no
-/// maximum.
-fn pad_end(x: &Tensor, dim: usize, extent: usize) -> Result<Tensor> {
-    let by = extent.saturating_sub(x.dim(dim)?);
-    if by == 0 {
-        return Ok(x.clone());
-    }
-    let last = x.narrow(dim, x.dim(dim)? - 1, 1)?;
-    let mut parts = vec![x.clone()];
-    parts.extend(std::iter::repeat_n(last, by));
-    Ok(Tensor::cat(&parts, dim)?)
 }

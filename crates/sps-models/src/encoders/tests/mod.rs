@@ -11,11 +11,11 @@ mod windows;
 
 use std::sync::{Arc, LazyLock};
 
-use candle_core::{DType, Device, Tensor, Var};
+use candle_core::{DType, Tensor, Var};
 use sps_kernels::Normalisation;
 use sps_kernels::simd::Level;
 
-use super::plain::Plain;
+use super::plain::{Plain, normalise};
 use super::{Encoder, EncoderKind, Precision, TrainableEncoder};
 use crate::golden::{self, numbers};
 use crate::weights::Weights;
@@ -24,16 +24,10 @@ use crate::weights::Weights;
 /// are held to PyTorch's in `networks`; of images as [`Encoder::embed`] takes them.
 fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
     let double = |tensor: &Tensor| tensor.to_dtype(DType::F64).unwrap();
-    let row = |row: [f32; 3]| {
-        let row = Tensor::new(&row.map(f64::from), &Device::Cpu).unwrap();
-        row.reshape((1, 3, 1, 1)).unwrap()
-    };
     let tensors = encoder.weights().iter();
     let tensors = tensors.map(|(name, tensor)| (name.to_owned(), double(tensor)));
     let weights = Weights::sharing("f64", tensors);
-    let Normalisation { mean, std } = encoder.network.normalisation;
-    let images = double(images).broadcast_sub(&row(mean)).unwrap();
-    let images = images.broadcast_div(&row(std)).unwrap();
+    let images = normalise(&double(images), &encoder.network.normalisation).unwrap();
     let net = Plain::new(&encoder.network, &weights);
     net.features(&images).unwrap().pop().unwrap()
 }

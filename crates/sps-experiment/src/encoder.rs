@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use candle_core::{Device, Tensor};
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_dataset::Frame;
 use sps_estimator::{Embedder, Network, OnnxEncoder, Precomputed};
 use sps_models::encoders::{Depths, Encoder, Precision};
@@ -72,7 +72,7 @@ pub fn calibrated(
             _ => pixels.permute((0, 3, 1, 2))?,
         })
     };
-    let images = (0..some).into_par_iter().map(image);
+    let images = parallel::map(0..some, image).into_iter();
     let images: Vec<Tensor> = images.collect::<Result<_>>()?;
     let images: Vec<&Tensor> = images.iter().collect();
     let network = embedder.network();

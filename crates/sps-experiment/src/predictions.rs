@@ -74,13 +74,15 @@ pub(crate) fn of_outcomes<'a>(
         .collect()
 }
 
-/// Writes them, each trial's lines by itself.
-pub(crate) fn write(
+/// Writes those of finished trials, as [`of_outcomes`] takes them.
+pub(crate) fn write<'a>(
     folder: &Path,
-    outcomes: &[&Outcome],
+    outcomes: impl Iterator<Item = &'a Outcome>,
     groups: &HashMap<&str, &str>,
 ) -> Result<()> {
-    let lines = parallel::map(outcomes.iter().enumerate(), |(at, &outcome)| {
+    // The first that has lines writes their header.
+    let outcomes = outcomes.filter(|outcome| !outcome.truth.is_empty());
+    let lines = parallel::map(outcomes.enumerate(), |(at, outcome)| {
         let mut writer = csv::WriterBuilder::new();
         let mut writer = writer.has_headers(at == 0).from_writer(Vec::new());
         let mut predictions = of_outcomes([outcome].into_iter(), groups).into_iter();

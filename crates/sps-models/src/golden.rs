@@ -21,8 +21,8 @@ mod weights;
 
 pub(crate) use rule::{error, uniform};
 
-/// Candle's threads spin while they wait for each other, and other tests have the processors. By the mask it takes two of
-/// them for products; without, it reads a file for each to count them. Before `main` nobody else reads the environment.
+/// Candle's threads keep processors busy while they wait, which other tests need: it gets one thread, and two for matrix
+/// products by the mask, without which it counts processors in a file for each. Nobody reads the environment before `main`.
 #[cfg(target_os = "linux")]
 #[expect(unsafe_code, reason = "nothing safe runs before the first test")]
 #[used]

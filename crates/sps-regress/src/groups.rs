@@ -48,18 +48,15 @@ pub(crate) fn fit_groups<T: Send>(
         let job = Job { at, trial, values };
         groups.entry((views, surfaces)).or_default().push(job);
     }
-    let fitted = parallel::map(
-        groups,
-        |((views, surfaces), jobs)| -> Result<Vec<(usize, T)>> {
-            let group = Group {
-                embeddings: data.embeddings.select(&surfaces, views)?,
-                left_out: LeftOut::of(&surfaces, data.units),
-                jobs,
-            };
-            let models = fit(&group)?;
-            Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
-        },
-    );
+    let fitted = parallel::map(groups, |((views, surfaces), jobs)| {
+        let group = Group {
+            embeddings: data.embeddings.select(&surfaces, views)?,
+            left_out: LeftOut::of(&surfaces, data.units),
+            jobs,
+        };
+        let models = fit(&group)?;
+        Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
+    });
     let fitted: Vec<Vec<(usize, T)>> = fitted.into_iter().collect::<Result<_>>()?;
     let mut models: Vec<(usize, T)> = fitted.into_iter().flatten().collect();
     models.sort_by_key(|(at, _)| *at);

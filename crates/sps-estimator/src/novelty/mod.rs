@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sps_base::parallel;
 use sps_regress::Embeddings;
 use sps_regress::nearest::squared_distance;
 
@@ -86,8 +86,8 @@ impl Familiar {
                 let others = others.filter(|(other, _)| *other != at);
                 smallest(others.map(|(_, distance)| distance))
             };
-            let nearest: Vec<Vec<f32>> = (0..surfaces).into_par_iter().map(of_surface).collect();
-            familiar.nearest.push((step, nearest.concat()));
+            let nearest = parallel::map(0..surfaces, of_surface).concat();
+            familiar.nearest.push((step, nearest));
         }
         Ok(familiar)
     }
@@ -119,12 +119,12 @@ impl Familiar {
             let expected = format!("{} of width {}", self.views, self.width);
             return refuse("embeddings to hold against others", found, expected);
         };
-        let new = units(embeddings);
-        let new = new.par_chunks_exact(step * self.width);
         let known = nearest.chunks_exact(self.neighbours());
         let known = known.map(|nearest| (nearest, mean(nearest.iter().copied())));
         let known: Vec<(&[f32], f64)> = known.collect();
-        Ok(new.map(|new| self.p_value(new, &known)).collect())
+        let new = units(embeddings);
+        let new = new.chunks_exact(step * self.width);
+        Ok(parallel::map(new, |new| self.p_value(new, &known)))
     }
 
     /// `known` has the smallest squared distances of each surface to others, and its score among these alone.
@@ -169,9 +169,8 @@ impl Familiar {
         if self.marks.iter().all(|mark| *mark >= ASIDE) {
             return Vec::new();
         }
-        let surfaces = (0..self.surfaces).into_par_iter();
-        let aside = surfaces.filter(|&at| self.marks[at] >= ONE_OF_UNIT);
-        aside.map(|at| self.score_of(self.surface(at))).collect()
+        let aside = (0..self.surfaces).filter(|&at| self.marks[at] >= ONE_OF_UNIT);
+        parallel::map(aside, |at| self.score_of(self.surface(at)))
     }
 
     /// How far a surface, `(1, views, width)`, lies from those fitted to.
@@ -309,8 +308,8 @@ fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec
 /// The embeddings, each block of each view of unit length; zeros stay zeros.
 fn units(embeddings: &Embeddings) -> Vec<f32> {
     let mut units = embeddings.values().to_vec();
-    let views = units.par_chunks_exact_mut(embeddings.width().max(1));
-    views.for_each(|view| to_units(view, embeddings.blocks()));
+    let views = units.chunks_exact_mut(embeddings.width().max(1));
+    parallel::each(views, |view| to_units(view, embeddings.blocks()));
     units
 }
 

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
+use sps_base::parallel;
 use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
 use sps_estimator::{Embedder, Network, Precomputed};
 
@@ -45,10 +46,9 @@ pub(crate) fn embed(
     }
     let (identity, work) = (embedder.identity(), experiment.work);
     let cache = &EmbeddingCache::open(&experiment.cache, identity, width, work)?;
-    let keys = frames
-        .par_iter()
-        .map(|frame| source.frame_key(frame.surface, frame.view))
-        .collect::<Result<Vec<FrameKey>, _>>()?;
+    let key = |frame: &FrameIndex| source.frame_key(frame.surface, frame.view);
+    let keys = parallel::map(frames, key).into_iter();
+    let keys = keys.collect::<Result<Vec<FrameKey>, _>>()?;
     let (wanted, names) = (once_each(frames, &keys), keys.iter().copied().collect());
     let (mut rows, mut seen) = (HashMap::new(), Seen::new());
     let mut frames_decoded = 0;

@@ -27,7 +27,7 @@ pub(crate) struct Judged<'a> {
     values: Values,
     /// What R² about the training mean is computed from, with that mean.
     about_training: (Values, f64),
-    /// About the training mean.
+    /// R² about the training mean.
     r2: Outcome,
 }
 

@@ -107,11 +107,9 @@ fn finish(
     let rows = prepared.with_encoders(&dealt, |encoded| encoded.rows(&mut journals))?;
     let splits = &prepared.splits;
     let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
-    // The first that has lines writes their header.
-    let all: Vec<&Outcome> = all.filter(|outcome| !outcome.truth.is_empty()).collect();
     let groups = splits.groups(source.surfaces());
     let (written, results) = rayon::join(
-        || predictions::write(folder.path(), &all, &groups),
+        || predictions::write(folder.path(), all, &groups),
         || results(experiment, source, &about, splits, &rows),
     );
     written?;

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use anyhow::{Context, Result};
-use rayon::prelude::*;
+use sps_base::parallel;
 use sps_dataset::{Description, Property, Source};
 use sps_metrics::{Intervals, Moments};
 use sps_simulate::Ceiling;
@@ -159,11 +159,12 @@ pub(super) fn results(
         top8: if after_the_paper { paper::top8() } else { &[] },
         intervals: Intervals::of_training(experiment.interval_level).sharing(test_per_training),
     };
-    let outcomes = rows.par_iter();
-    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits, &numbers));
-    let outcomes: Vec<MethodOutcomes<'_>> = outcomes.collect::<Result<_>>()?;
+    let outcomes = parallel::map(rows, |row| {
+        row.outcomes(rows, experiment, source, splits, &numbers)
+    });
+    let outcomes: Vec<MethodOutcomes<'_>> = outcomes.into_iter().collect::<Result<_>>()?;
     let scored = |method| score(method, &outcomes, &experiment.against, &scoring);
-    let methods: Vec<MethodResult> = outcomes.par_iter().map(scored).collect();
+    let methods: Vec<MethodResult> = parallel::map(&outcomes, scored);
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     Ok(Results {
         provenance: provenance::of(experiment, source, about)?,

@@ -195,7 +195,7 @@ pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + S
     }
 }
 
-/// Calls `take` by the caller, which takes the last item, and by so many helpers, which take the first, until there is none.
+/// Until no item is left, the caller takes the last one (`take(true)`) and so many helpers the first.
 fn share(helpers: usize, take: &(dyn Fn(bool) -> bool + Sync)) {
     let [begun, done] = [const { AtomicUsize::new(0) }; 2];
     rayon::scope(|scope| {

@@ -15,7 +15,7 @@ pub(crate) struct Part {
     pub degrees_of_freedom: f64,
 }
 
-/// The mean of one method's scores, and how it changes, for any number of differences.
+/// The mean of one method's scores, and how it changes with units and reruns: one side of any number of differences.
 #[derive(Clone, Debug)]
 pub struct Side {
     pub(super) mean: f64,

@@ -207,7 +207,7 @@ impl Intervals {
         self.between(&Side::of(first)?, &Side::of(second)?)
     }
 
-    /// As [`difference`](Self::difference), of scores that have other differences, too.
+    /// As [`difference`](Self::difference), of a method that is compared with several, and so is scored once for all.
     ///
     /// # Errors
     /// As [`interval`](Self::interval).

@@ -282,7 +282,7 @@ fn convolve(x: &Tensor, weight: &Tensor, window: &Window, groups: usize) -> Resu
     Ok(y.transpose(0, 1)?.contiguous()?)
 }
 
-/// By operators that have gradients where windows overlap: candle's own has none.
+/// Max pooling by operators that have gradients where windows overlap: candle's own has none.
 fn max_pool(pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
     let size = extents(x)?;
     let window = pool.slide.window(size);

@@ -1,4 +1,4 @@
-//! Every test of the crate's public face, in one binary.
+//! The crate from outside: one program, so that the library is compiled once.
 
 mod data;
 #[path = "../../../../fixtures/golden/rule.rs"]

@@ -109,8 +109,11 @@ fn the_penalty_is_the_best_when_each_unit_is_left_out() {
                 let [mut low, mut high] = [0.3, 1000.0];
                 for _ in 0..60 {
                     let middle = 0.5 * (low + high);
-                    let under = error(middle) < error(small) * (1.0 + part);
-                    *(if under { &mut low } else { &mut high }) = middle;
+                    if error(middle) < error(small) * (1.0 + part) {
+                        low = middle;
+                    } else {
+                        high = middle;
+                    }
                 }
                 high
             });

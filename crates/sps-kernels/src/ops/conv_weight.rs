@@ -145,8 +145,8 @@ fn add_products<W: Real>(
     }
 }
 
-/// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
-const ROWS: usize = 28;
+/// Rows that are summed in the time in which a part reads the other side.
+const READ: usize = 16;
 
 /// Numbers of sums that stay in the second-level cache beside what they are sums of.
 const CACHE: usize = 64 << 10;
@@ -179,11 +179,14 @@ fn dense<W: Real>(
     } else {
         (shape.outputs, run)
     };
-    let wanted = 2 * rayon::current_num_threads();
-    // Of windows twice as many, which threads then share evenly: runs are few, and odd in number.
-    let wanted_of_runs = if runs.len() == 1 { wanted } else { 2 * wanted };
-    let parts = (wanted.min(rows / ROWS)).max(wanted_of_runs.div_ceil(runs.len()));
-    let height = rows.div_ceil(parts).next_multiple_of(W::NUMBERS);
+    let threads = rayon::current_num_threads();
+    // Rows that the busiest thread computes or reads for it, and as many again as of one part, by which threads differ.
+    let cost = |&height: &usize| {
+        let parts = rows.div_ceil(height) * runs.len();
+        (parts.div_ceil(threads) + 1) * (height + READ)
+    };
+    let heights = (W::NUMBERS..rows + W::NUMBERS).step_by(W::NUMBERS);
+    let height = heights.min_by_key(cost).unwrap_or(rows);
     let stride = Outer::<W>::stride(level, columns);
     let gradients = (!turned).then(|| Joined::new(level, pairs.gradient, pairs.places, rows));
     let sum =
@@ -214,7 +217,7 @@ fn dense<W: Real>(
     let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
     let parts: Vec<(usize, usize)> = parts.collect();
     // Parts that a thread computes together, block by block: what they share of a block is read once.
-    let together = (CACHE / (height * stride)).clamp(1, parts.len().div_ceil(wanted).max(1));
+    let together = (CACHE / (height * stride)).clamp(1, parts.len().div_ceil(2 * threads).max(1));
     let sums = |parts: &[(usize, usize)]| {
         let len = |first: usize| height.min(rows - first) * stride;
         let totals = parts.iter().map(|&(first, _)| vec![0.0; len(first)]);

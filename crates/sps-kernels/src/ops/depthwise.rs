@@ -303,14 +303,26 @@ pub(super) fn weight_gradient<W: Real>(
     target: &mut [f32],
 ) {
     let channels = target.len() / taps.len();
-    let sums = parallel::map(taps, |&tap| {
-        let source = &pairs.source[tap..];
-        let pairs = Pairs { source, ..pairs };
+    let wanted = (4 * rayon::current_num_threads()).div_ceil(taps.len());
+    let step = VECTORS * level.lanes();
+    let width = channels.div_ceil(wanted).next_multiple_of(step);
+    let firsts = (0..channels).step_by(width);
+    let parts = firsts.flat_map(|first| taps.iter().map(move |tap| (first, tap)));
+    let sums = parallel::map(parts, |(first, tap)| {
+        let (channels, first) = (width.min(channels - first), W::words(first));
+        let (source, gradient) = (&pairs.source[tap + first..], &pairs.gradient[first..]);
+        let pairs = Pairs {
+            source,
+            gradient,
+            ..pairs
+        };
         W::run(level, TapSums { channels, pairs })
     });
-    for (channel, target) in target.chunks_exact_mut(taps.len()).enumerate() {
-        for (target, sums) in target.iter_mut().zip(&sums) {
-            *target = sums[channel];
+    for (part, sums) in sums.iter().enumerate() {
+        let (first, tap) = (part / taps.len() * width, part % taps.len());
+        let target = target[first * taps.len() + tap..].iter_mut();
+        for (target, sum) in target.step_by(taps.len()).zip(sums) {
+            *target = *sum;
         }
     }
 }

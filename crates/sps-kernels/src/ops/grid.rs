@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use sps_base::parallel;
+
 use super::buffer::LINE;
 use super::words::Word;
 
@@ -305,6 +307,12 @@ impl Grid {
                 memory.fill(word);
             }
         }
+    }
+
+    /// The same, on all threads.
+    pub(crate) fn fill_borders<W: Word>(&self, memory: &mut [W], word: W) {
+        let frames = memory.chunks_exact_mut(self.frame_len().max(1));
+        parallel::each(frames, |frame| self.fill_border(frame, word));
     }
 
     /// How far from a window's beginning its pixels lie, in steps of one pixel.

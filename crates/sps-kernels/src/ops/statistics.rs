@@ -36,22 +36,21 @@ impl ChannelStatistics {
     /// 1979): a large common offset costs no digits.
     pub(crate) fn of<W: Word>(level: Level, source: &[W], grid: &Grid) -> Self {
         let (channels, pitch) = (grid.channels, grid.pitch);
-        let runs = |frame: &[W]| -> Vec<PartialStatistics> {
-            let statistics = |run: &[W]| {
-                level.run(
-                    #[inline(always)]
-                    move || PartialStatistics::of(run, channels, pitch),
-                )
-            };
-            let runs = frame.chunks(run_rows(channels) * pitch);
-            parallel::map(runs, statistics)
+        let step = run_rows(channels) * pitch;
+        let frames = source.chunks_exact(grid.frame_len());
+        let statistics = |run: &[W]| {
+            level.run(
+                #[inline(always)]
+                move || PartialStatistics::of(run, channels, pitch),
+            )
         };
+        let runs = parallel::map(frames.flat_map(|frame| frame.chunks(step)), statistics);
         let mut all = PartialStatistics::empty(channels);
         let mut frame_means = Vec::with_capacity(grid.frames * channels);
-        for frame in source.chunks_exact(grid.frame_len()) {
+        for frame in runs.chunks(grid.frame_len().div_ceil(step).max(1)) {
             let mut one = PartialStatistics::empty(channels);
-            for run in runs(frame) {
-                one.join(&run);
+            for run in frame {
+                one.join(run);
             }
             frame_means.extend(one.mean.iter().map(|&mean| mean as f32));
             all.join(&one);

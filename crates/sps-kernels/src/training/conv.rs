@@ -120,7 +120,7 @@ pub(super) fn input_gradient<W: Real>(
     let layout = transpose.layout(grid.frames, source.grid.size, grid.size);
     let layout = layout.staggered();
     let mut target = context.recycler.take(layout.len());
-    layout.fill_border(&mut target, W::default());
+    layout.fill_borders(&mut target, W::default());
     write(&mut target, &layout);
     let gradient = (&target[..], &layout);
     context.weight_gradient(conv, &shape, source.view(), gradient, pass.gradients);

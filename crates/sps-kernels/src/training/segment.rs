@@ -73,7 +73,7 @@ impl<W: Real> Kept<W> {
     ) -> Result<(KeptLayer<W>, Option<Scratch<W>>)> {
         let memory = || {
             let mut memory = context.recycler.take(to.len());
-            to.fill_border(&mut memory, W::default());
+            to.fill_borders(&mut memory, W::default());
             memory
         };
         Ok(match layer {

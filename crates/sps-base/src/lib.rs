@@ -8,3 +8,6 @@ pub mod names;
 pub mod parallel;
 #[cfg(feature = "streams")]
 pub mod streams;
+mod unexpected;
+
+pub use unexpected::Unexpected;

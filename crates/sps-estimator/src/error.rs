@@ -2,6 +2,8 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use sps_base::Unexpected;
+
 /// The result of everything in this crate that can fail.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
@@ -25,15 +27,8 @@ pub enum Error {
     #[error(transparent)]
     Split(#[from] sps_dataset::SplitError),
     /// Something handed in has the wrong shape, number or values.
-    #[error("{what}: found {found}, expected {expected}")]
-    Input {
-        /// The argument.
-        what: String,
-        /// What it was.
-        found: String,
-        /// What it must be.
-        expected: String,
-    },
+    #[error(transparent)]
+    Input(#[from] Unexpected),
     /// A training came to nothing.
     #[error("{property}, rerun {rerun}: {reason}")]
     Diverged {
@@ -74,11 +69,7 @@ impl Error {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Input {
-            what: what.to_string(),
-            found: found.to_string(),
-            expected: expected.to_string(),
-        }
+        Self::Input(Unexpected::new(what, found, expected))
     }
 
     /// What is wrong with reading or writing a file.

@@ -26,6 +26,7 @@ pub use radius::radius;
 pub use recipe::{Calibration, Examples, Recipe, Wanted, Widths};
 pub use regression::{Regression, Stacked, early_stopped};
 pub use session::{Looked, Session};
+pub use sps_base::Unexpected;
 /// A photograph.
 pub use sps_dataset::Frame;
 pub use sps_onnx::{OnnxEncoder, Settings as OnnxSettings};

@@ -1,19 +1,14 @@
 use std::fmt;
 
+use sps_base::Unexpected;
+
 /// What can go wrong.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// Input does not fit.
-    #[error("{what}: found {found}, expected {expected}")]
-    Input {
-        /// Which input.
-        what: &'static str,
-        /// What it was.
-        found: String,
-        /// What it must be.
-        expected: String,
-    },
+    #[error(transparent)]
+    Input(#[from] Unexpected),
     /// A network's tensor could not be had.
     #[error("{0}")]
     Tensor(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -28,11 +23,7 @@ impl Error {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Input {
-            what,
-            found: found.to_string(),
-            expected: expected.to_string(),
-        }
+        Self::Input(Unexpected::new(what, found, expected))
     }
 }
 

@@ -33,6 +33,7 @@ pub use ops::grid::{Size, Window};
 pub use ops::product::Activation;
 pub use ops::simd;
 pub use precision::Precision;
+pub use sps_base::Unexpected;
 pub use tensors::{TensorSpec, Tensors};
 pub use windows::{CellSums, WindowEmbeddings, Windows};
 

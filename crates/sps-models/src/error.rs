@@ -1,5 +1,7 @@
 use std::fmt;
 
+use sps_base::Unexpected;
+
 use crate::weights::WeightsError;
 
 /// The result of everything in this crate that can fail.
@@ -25,15 +27,8 @@ pub enum Error {
     Regression(sps_regress::Error),
     /// A tensor, an image or a table handed in has the wrong shape, type or values; a setting is out of its
     /// range.
-    #[error("{what}: found {found}, expected {expected}")]
-    Input {
-        /// The argument.
-        what: &'static str,
-        /// What it was.
-        found: String,
-        /// What it must be.
-        expected: String,
-    },
+    #[error(transparent)]
+    Input(#[from] Unexpected),
     /// No encoder has this name.
     #[error("unknown encoder {found:?}, expected one of {expected}")]
     UnknownEncoder {
@@ -69,11 +64,7 @@ impl Error {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Input {
-            what,
-            found: found.to_string(),
-            expected: expected.to_string(),
-        }
+        Self::Input(Unexpected::new(what, found, expected))
     }
 }
 
@@ -95,15 +86,7 @@ pub(crate) fn require(
 impl From<sps_kernels::Error> for Error {
     fn from(error: sps_kernels::Error) -> Self {
         match error {
-            sps_kernels::Error::Input {
-                what,
-                found,
-                expected,
-            } => Self::Input {
-                what,
-                found,
-                expected,
-            },
+            sps_kernels::Error::Input(input) => Self::Input(input),
             error => Self::Kernels(error),
         }
     }

@@ -22,3 +22,4 @@ pub use candle_core as candle;
 pub use error::{Error, Result};
 #[cfg(feature = "heads")]
 pub use heads::regressor::{embeddings_of, fitted_from_bytes};
+pub use sps_base::Unexpected;

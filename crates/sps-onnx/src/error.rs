@@ -1,5 +1,7 @@
 use std::fmt;
 
+use sps_base::Unexpected;
+
 /// Why a file, or an image, was refused.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {kind}")]
@@ -33,15 +35,8 @@ pub enum ErrorKind {
     #[error("found an ONNX file, expected a build with the feature `onnx`, which reads them")]
     NotBuilt,
     /// A setting or an image that does not fit the file, or a file that is not as it must be.
-    #[error("{what}: found {found}, expected {expected}")]
-    Input {
-        /// The setting, or the part of the file.
-        what: String,
-        /// What it was.
-        found: String,
-        /// What it must be.
-        expected: String,
-    },
+    #[error(transparent)]
+    Input(#[from] Unexpected),
     /// The network cannot be built or run: an operator that is not known, by its name, or one that was given
     /// other than it takes.
     #[error("{0}")]
@@ -57,10 +52,6 @@ impl ErrorKind {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Input {
-            what: what.to_string(),
-            found: found.to_string(),
-            expected: expected.to_string(),
-        }
+        Self::Input(Unexpected::new(what, found, expected))
     }
 }

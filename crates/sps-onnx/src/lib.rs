@@ -41,6 +41,7 @@ use serde::{Deserialize, Serialize};
 
 pub use error::{ErrorKind, OnnxError};
 use graph::Graph;
+pub use sps_base::Unexpected;
 
 /// Bytes of a file at most: what a message of Protocol Buffers may have.
 const MOST_BYTES: u64 = i32::MAX as u64;

@@ -1,5 +1,7 @@
 use std::fmt;
 
+use sps_base::Unexpected;
+
 /// The result of everything in this crate that can fail.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
@@ -8,25 +10,11 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// A table, setting or file that was handed in has the wrong shape or values.
-    #[error("{what}: found {found}, expected {expected}")]
-    Input {
-        /// The argument.
-        what: &'static str,
-        /// What it was.
-        found: String,
-        /// What it must be.
-        expected: String,
-    },
+    #[error(transparent)]
+    Input(#[from] Unexpected),
     /// The plan names something that the data does not have, or contradicts itself.
-    #[error("training plan: {what}: found {found}, expected {expected}")]
-    Plan {
-        /// The part of the plan.
-        what: String,
-        /// What it says.
-        found: String,
-        /// What it may say.
-        expected: String,
-    },
+    #[error("training plan: {0}")]
+    Plan(Unexpected),
     /// None of a rerun's training surfaces has a reading of the property.
     #[error("no training surface of rerun {rerun} has a reading of {property}")]
     NotMeasured {
@@ -54,10 +42,6 @@ impl Error {
         found: impl fmt::Display,
         expected: impl fmt::Display,
     ) -> Self {
-        Self::Input {
-            what,
-            found: found.to_string(),
-            expected: expected.to_string(),
-        }
+        Self::Input(Unexpected::new(what, found, expected))
     }
 }

@@ -29,4 +29,5 @@ pub use regressor::{
     AnyRegressor, DivergedTrial, Estimates, FittedRegressor, OtherKind, Read, Regressor,
     RegressorKind, RegressorSettings, fitted_from_bytes,
 };
+pub use sps_base::Unexpected;
 pub use standardise::Standardiser;

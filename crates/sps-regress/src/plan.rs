@@ -5,6 +5,7 @@ use std::fmt::Display;
 
 use rand::seq::SliceRandom as _;
 use serde::{Deserialize, Serialize};
+use sps_base::Unexpected;
 use sps_base::streams::named_stream;
 
 use crate::data::{Embeddings, Readings};
@@ -307,9 +308,5 @@ impl Trial {
 }
 
 fn refuse_plan(what: impl Display, found: impl Display, expected: impl Display) -> Result<()> {
-    Err(Error::Plan {
-        what: what.to_string(),
-        found: found.to_string(),
-        expected: expected.to_string(),
-    })
+    Err(Error::Plan(Unexpected::new(what, found, expected)))
 }

@@ -180,13 +180,9 @@ impl<'a> Layers<'a> {
         checked: Result<T, sps_models::Error>,
     ) -> Result<T, ConfigError> {
         checked.map_err(|error| match error {
-            sps_models::Error::Input {
-                what,
-                found,
-                expected,
-            } => {
-                let problem = format!("is {found}, expected {expected}");
-                self.error(&below(key, what), problem)
+            sps_models::Error::Input(input) => {
+                let problem = format!("is {}, expected {}", input.found, input.expected);
+                self.error(&below(key, &input.what), problem)
             }
             other => self.error(key, other.to_string()),
         })

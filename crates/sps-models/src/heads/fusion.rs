@@ -4,7 +4,7 @@
 #![allow(clippy::inline_always)]
 
 use faer::{Accum, MatMut, MatRef};
-use sps_base::parallel;
+use sps_base::{Unexpected, parallel};
 use sps_kernels::simd::{Kernel, Lanes, Level};
 use sps_regress::dense::multiply;
 use sps_regress::{Embeddings, TrainingData, Trial, check_indices};
@@ -214,12 +214,8 @@ impl TrainedHeads {
         surfaces: &[usize],
     ) -> Result<FusionLoss> {
         let wrong = |found: String, expected: &str| {
-            Err(sps_regress::Error::Plan {
-                what: format!("views of {}, rerun {}", trial.property, trial.rerun),
-                found,
-                expected: expected.to_owned(),
-            }
-            .into())
+            let what = format!("views of {}, rerun {}", trial.property, trial.rerun);
+            Err(sps_regress::Error::Plan(Unexpected::new(what, found, expected)).into())
         };
         let Some(head) = self.heads.iter().find(|head| &head.trial == trial) else {
             return wrong("no head".into(), "a trained one");

@@ -52,10 +52,10 @@ pub use fusion::FusionLoss;
 pub(crate) use joint::{Draw, JointHeads, Share};
 pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 
-use sps_base::parallel;
+use sps_base::{Unexpected, parallel};
 use sps_regress::{Error as RegressError, Plan, TrainingData, Views};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// A checked configuration, ready to train.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,11 +114,9 @@ impl Head {
         let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
         if random && matches!(self.0.input, Input::Relations { .. }) {
             // Relations hold between views in order, which random ones are not.
-            return Err(Error::from(RegressError::Plan {
-                what: "views of relations".into(),
-                found: "random ones".into(),
-                expected: "those of each step".into(),
-            }));
+            let of_steps = "those of each step";
+            let views = Unexpected::new("views of relations", "random ones", of_steps);
+            return Err(RegressError::Plan(views).into());
         }
         plan.check(self.0.input.views(), data)?;
         if self.0.early_stopping.is_some() {

@@ -154,7 +154,7 @@ fn images_that_cannot_be_embedded() {
         (&squeezenet, filled(0.0, (1, 3, 6, 8))),
     ] {
         let error = encoder.embed(&images).unwrap_err();
-        assert!(matches!(error, Error::Input { what: "images", .. }));
+        assert!(matches!(error, Error::Input(input) if input.what == "images"));
     }
 }
 

@@ -116,7 +116,7 @@ mod hard_cases {
         for shape in shapes {
             let sequences = Tensor::zeros(shape, DType::F32, &Device::Cpu).unwrap();
             let error = encoder.embed(&sequences).unwrap_err();
-            assert!(matches!(error, Error::Input { what: "images", .. }));
+            assert!(matches!(error, Error::Input(input) if input.what == "images"));
         }
         let image = vec![0.5; 3 * 64 * 64];
         let error = encoder.embed_windows(&image, [64, 64], [32, 32], 8);

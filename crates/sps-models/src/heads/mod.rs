@@ -64,7 +64,7 @@ pub struct Head(HeadConfig);
 /// Hears of the trials that a training has finished, and may stop it; calls come from several threads.
 pub trait Observer: Sync {
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
-    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`].
+    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`](crate::Error::Stopped).
     fn stops(&self) -> bool {
         false
     }

@@ -13,7 +13,7 @@ pub struct Unexpected {
 }
 
 impl Unexpected {
-    /// Of these three, in words.
+    /// What was wrong, what was found and what was expected, in words.
     pub fn new(what: impl Display, found: impl Display, expected: impl Display) -> Self {
         Self {
             what: what.to_string(),

@@ -145,7 +145,7 @@ fn add_products<W: Real>(
     }
 }
 
-/// Rows that are summed in the time in which a part reads the other side.
+/// A part reads the other side in the time in which so many of its rows are summed.
 const READ: usize = 16;
 
 /// Numbers of sums that stay in the second-level cache beside what they are sums of.
@@ -180,7 +180,7 @@ fn dense<W: Real>(
         (shape.outputs, run)
     };
     let threads = rayon::current_num_threads();
-    // Rows that the busiest thread computes or reads for it, and as many again as of one part, by which threads differ.
+    // In rows: the busiest thread's parts, and one more because threads do not keep in step.
     let cost = |&height: &usize| {
         let parts = rows.div_ceil(height) * runs.len();
         (parts.div_ceil(threads) + 1) * (height + READ)

@@ -303,6 +303,7 @@ pub(super) fn weight_gradient<W: Real>(
     target: &mut [f32],
 ) {
     let channels = target.len() / taps.len();
+    // The channels in parts, too: a window has too few taps for many threads.
     let wanted = (4 * rayon::current_num_threads()).div_ceil(taps.len());
     let step = VECTORS * level.lanes();
     let width = channels.div_ceil(wanted).next_multiple_of(step);

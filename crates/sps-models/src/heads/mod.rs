@@ -114,8 +114,8 @@ impl Head {
         let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
         if random && matches!(self.0.input, Input::Relations { .. }) {
             // Relations hold between views in order, which random ones are not.
-            let of_steps = "those of each step";
-            let views = Unexpected::new("views of relations", "random ones", of_steps);
+            let expected = "those of each step";
+            let views = Unexpected::new("views of relations", "random ones", expected);
             return Err(RegressError::Plan(views).into());
         }
         plan.check(self.0.input.views(), data)?;

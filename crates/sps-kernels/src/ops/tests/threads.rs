@@ -66,9 +66,13 @@ fn same_bits<W: Word + PartialEq>() {
 }
 
 /// The gradients by so many threads.
-fn gradients<W: Real>(threads: usize, size: usize, stride: usize, outputs: usize) -> [Vec<f64>; 2] {
+fn gradients<W: Real>(
+    threads: usize,
+    [size, stride]: [usize; 2],
+    channels: [usize; 3],
+) -> [Vec<f64>; 2] {
     let window = Window::square(size, stride, size / 2);
-    let case = Case::new(2, [1, 9, 9], [40, outputs, 1], window);
+    let case = Case::new(2, [1, 9, 9], channels, window);
     let weights = numbers::<W>(case.weights(), 1, 1.0);
     let map = |grid: &Grid, seed: u64| words::<W>(grid.len(), seed, 1.0);
     pass_by(threads, || {
@@ -77,11 +81,11 @@ fn gradients<W: Real>(threads: usize, size: usize, stride: usize, outputs: usize
 }
 
 fn gradients_of_the_same_bits<W: Real>() {
-    for (size, stride) in [(1, 1), (3, 1), (3, 2), (1, 2)] {
-        for outputs in [24, 300] {
-            let expected = gradients::<W>(1, size, stride, outputs);
+    for window in [[1, 1], [3, 1], [3, 2], [1, 2]] {
+        for channels in [[40, 24, 1], [40, 300, 1], [200; 3]] {
+            let expected = gradients::<W>(1, window, channels);
             for threads in [2, 3, 16] {
-                assert!(gradients::<W>(threads, size, stride, outputs) == expected);
+                assert!(gradients::<W>(threads, window, channels) == expected);
             }
         }
     }

@@ -21,10 +21,11 @@ use fuzz::{Damage, damaged, fuzz};
 use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::{Value, json};
-use support::{Ends, Scratch, expect, fitted, root};
+use support::{Ends, Scratch, expect, fitted, fitted_in, root};
 
 /// A model of one view.
-static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&["train.keep-photographs=true"]));
+static ONE_VIEW: LazyLock<Scratch> =
+    LazyLock::new(|| fitted_in(Scratch::lasting(), &["train.keep-photographs=true"]));
 
 fn photograph(name: &str) -> PathBuf {
     root().join("fixtures/tiny-dataset/frames").join(name)

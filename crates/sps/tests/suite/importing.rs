@@ -116,7 +116,7 @@ fn folders_by_class() {
 fn photographs_of_a_table() {
     let table = "photograph,group,material,tCO\ndenim/b.png,bolt 7,denim,1e1\noak/1.JPG,,,\n";
     let photographs = Photographs::new(&FILES, table);
-    let [said, log] = photographs.import("--json").said_and_logged();
+    let [said, log] = photographs.import("--json").ended(0);
     expect(&log, "2 surfaces in 2 groups; Left out; `inspect ");
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["dataset"], *photographs.dataset().to_string_lossy());

@@ -96,7 +96,7 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     assert_eq!(left.count(), 1);
 
     let again = format!("{} --force --json", commands[0]);
-    let [found, log] = scratch.inside(&again).said_and_logged();
+    let [found, log] = scratch.inside(&again).ended(0);
     let found: Value = serde_json::from_str(&found).unwrap();
     let measured = serde_json::to_value(&model.about().measured).unwrap();
     assert_eq!(found["about"]["measured"], measured);

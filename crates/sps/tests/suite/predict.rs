@@ -21,7 +21,7 @@ use sps_regress::{FittedRegressor, Plan, Rerun, TrainingData, Views};
 const SIDE: u32 = 32;
 
 /// A model of one view, for tests that leave it as it is.
-static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&[]));
+static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted_in(Scratch::lasting(), &[]));
 
 /// Two photographs.
 const OAK: &str = "@data/frames/oak-01/002.jpg";

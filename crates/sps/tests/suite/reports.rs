@@ -107,7 +107,7 @@ fn photographs_that_are_gone_are_left_out_with_a_line() {
 #[test]
 fn json_is_the_content_of_the_results() {
     let scratch = Scratch::after_a_run();
-    let [said, log] = report(&scratch).arg("--json").said_and_logged();
+    let [said, log] = report(&scratch).arg("--json").ended(0);
     expect(&log, "report.html");
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said, scratch.json("run/results.json"));
@@ -122,7 +122,7 @@ fn runs_that_cannot_be_written_to_are_shown_and_compared() {
     };
     scratch.experiment().assert().success();
     mounted.remount("ro");
-    let [table, log] = report(&scratch).said_and_logged();
+    let [table, log] = report(&scratch).ended(0);
     expect(&table, "ridge");
     expect(&log, "the report was not written; Read-only file system");
     scratch.sps("compare @run @run").assert().success();

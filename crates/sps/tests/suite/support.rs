@@ -91,8 +91,21 @@ fn methods(lines: &str) -> String {
 }
 
 impl Scratch {
+    /// In memory where the system has a folder with room there: the suite creates some twenty thousand files.
     pub(crate) fn empty() -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (memory, disk) = (Path::new("/dev/shm"), std::env::temp_dir());
+        let system = rustix::fs::statvfs(memory);
+        let has_room = system.is_ok_and(|system| system.f_bavail * system.f_frsize >= 1 << 30);
+        Self::below(if has_room { memory } else { &disk })
+    }
+
+    /// On the disk, for a static, which nothing removes.
+    pub(crate) fn lasting() -> Self {
+        Self::below(env!("CARGO_TARGET_TMPDIR").as_ref()).filled("")
+    }
+
+    fn below(path: &Path) -> Self {
+        let folder = tempfile::tempdir_in(path).expect("a temporary folder");
         Self { folder }
     }
 
@@ -102,13 +115,16 @@ impl Scratch {
 
     /// The same with tables added to its config.
     pub(crate) fn with(tables: &str) -> Self {
-        let scratch = Self::empty();
-        copy(&root().join("fixtures/tiny-dataset"), &scratch.path("data"));
-        let path = |name: &str| scratch.path(name).display().to_string();
+        Self::empty().filled(tables)
+    }
+
+    fn filled(self, tables: &str) -> Self {
+        copy(&root().join("fixtures/tiny-dataset"), &self.path("data"));
+        let path = |name: &str| self.path(name).display().to_string();
         let config = CONFIG.replace("DATA", &path("data"));
         let config = config.replace("CACHE", &path("cache"));
-        scratch.write("tiny.toml", config + &methods(METHODS) + tables);
-        scratch
+        self.write("tiny.toml", config + &methods(METHODS) + tables);
+        self
     }
 
     /// The same with methods, as [`methods`] has them.
@@ -310,11 +326,6 @@ pub(crate) trait Ends {
     /// What it prints, and its log, where it ends with this status.
     fn ended(&mut self, status: i32) -> [String; 2];
 
-    /// The same where it succeeds.
-    fn said_and_logged(&mut self) -> [String; 2] {
-        self.ended(0)
-    }
-
     /// The message where it fails as it should.
     fn message(&mut self) -> String {
         let [_, log] = self.ended(1);
@@ -325,13 +336,13 @@ pub(crate) trait Ends {
 
     /// What it prints where it succeeds.
     fn said(&mut self) -> String {
-        let [said, _] = self.said_and_logged();
+        let [said, _] = self.ended(0);
         said
     }
 
     /// Its log where it succeeds.
     fn logged(&mut self) -> String {
-        let [_, log] = self.said_and_logged();
+        let [_, log] = self.ended(0);
         log
     }
 

@@ -25,13 +25,10 @@ fn ramps() -> (Ramps, Targets, Parts) {
     (Ramps(stripes), targets, parts)
 }
 
-fn start() -> Encoder {
-    Encoder::seeded(EncoderKind::I3d, 0).unwrap()
-}
-
 fn trainer() -> Trainer {
     let (_, targets, parts) = ramps();
-    Trainer::new(&start(), targets, parts, config(), 5).unwrap()
+    let start = Encoder::seeded(EncoderKind::I3d, 0).unwrap();
+    Trainer::new(&start, targets, parts, config(), 5).unwrap()
 }
 
 #[test]
@@ -58,7 +55,7 @@ fn images_are_not_sequences() {
     let epoch = of_sequences.epoch(&stripes, |_| ());
     golden::refused(epoch, "(n, 3, frames, height, width)");
 
-    let images = super::start();
+    let images = start();
     let mut of_images = Trainer::new(&images, targets, parts, config(), 5).unwrap();
     let epoch = of_images.epoch(&ramps, |_| ());
     golden::refused(epoch, "(n, 3, height, width)");

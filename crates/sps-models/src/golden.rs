@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use candle_core::{DType, Device, Tensor};
-use sps_kernels::simd::Level;
 
 use crate::encoders::{Encoder, EncoderKind};
 #[cfg(feature = "heads")]
@@ -35,12 +34,6 @@ static BEFORE_MAIN: extern "C" fn() = {
     }
     settings
 };
-
-/// A bound, twice as wide where each product is rounded and then its sum, without fused multiply-add.
-pub(crate) fn widened(bound: f64) -> f64 {
-    let is_fused = !matches!(Level::detect(), Level::Portable);
-    if is_fused { bound } else { 2.0 * bound }
-}
 
 /// Such values as a tensor, f64.
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {

@@ -187,7 +187,7 @@ fn losses_and_gradients_are_pytorchs() {
         let [encoder, heads] = worst;
         let (case, rounding) = (golden.case, expected.rounding);
         println!("{case}: encoder {encoder:.1e}, heads {heads:.1e}; PyTorch in f32 {rounding:.1e}");
-        let bound = golden::widened(f64::max(1e-3, 2.0 * rounding));
+        let bound = f64::max(1e-3, 2.0 * rounding);
         assert!(encoder < bound && heads < 1e-3, "{case}: {worst:?}");
     }
 }
@@ -204,8 +204,8 @@ fn ten_steps_are_pytorchs() {
     assert_eq!(steps.len(), expected.len());
     let errors = steps.iter().zip(&expected).map(|(step, e)| error(step, e));
     let errors: Vec<f64> = errors.collect();
-    let bound = golden::widened(1e-3);
-    assert!(errors.iter().all(|&error| error < bound), "{errors:?}");
+    println!("ten steps: {errors:?}");
+    assert!(errors.iter().all(|&error| error < 1e-3), "{errors:?}");
 }
 
 /// Stripes in twos: of each surface a bright and a dark image.

@@ -25,10 +25,13 @@ fn ramps() -> (Ramps, Targets, Parts) {
     (Ramps(stripes), targets, parts)
 }
 
+fn start() -> Encoder {
+    Encoder::seeded(EncoderKind::I3d, 0).unwrap()
+}
+
 fn trainer() -> Trainer {
     let (_, targets, parts) = ramps();
-    let start = Encoder::seeded(EncoderKind::I3d, 0).unwrap();
-    Trainer::new(&start, targets, parts, config(), 5).unwrap()
+    Trainer::new(&start(), targets, parts, config(), 5).unwrap()
 }
 
 #[test]
@@ -55,7 +58,7 @@ fn images_are_not_sequences() {
     let epoch = of_sequences.epoch(&stripes, |_| ());
     golden::refused(epoch, "(n, 3, frames, height, width)");
 
-    let images = start();
+    let images = super::start();
     let mut of_images = Trainer::new(&images, targets, parts, config(), 5).unwrap();
     let epoch = of_images.epoch(&ramps, |_| ());
     golden::refused(epoch, "(n, 3, height, width)");

@@ -10,7 +10,7 @@ use std::error::Error;
 
 use candle_core::{Device, Tensor};
 use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
-use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_models::fitted_from_bytes;
 use sps_models::heads::{
     Adversarial, CrossModal, Head, HeadConfig, Input, Model, RelationScale, TrainedHeads,
@@ -130,7 +130,10 @@ impl ImageSource for Greys {
 
 #[test]
 fn training_states() {
-    let start = Encoder::seeded(EncoderKind::SqueezeNet1_1, 1).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1).unwrap();
+    // Without what only deeper maps need, the state is half as large.
+    let depths = Depths::Named(vec!["stage-2".to_owned()]);
+    let start = start.with_depths(&depths).unwrap();
     let targets = || Targets {
         classes: Some(Classes {
             of_image: vec![0, 1, 0, 1, 0, 1],

@@ -91,7 +91,7 @@ fn methods(lines: &str) -> String {
 }
 
 impl Scratch {
-    /// In memory where the system has a folder with room there: the suite creates some twenty thousand files.
+    /// In memory where the system has a folder with a gibibyte free there: tests write thousands of files.
     pub(crate) fn empty() -> Self {
         let (memory, disk) = (Path::new("/dev/shm"), std::env::temp_dir());
         let system = rustix::fs::statvfs(memory);
@@ -99,7 +99,7 @@ impl Scratch {
         Self::below(if has_room { memory } else { &disk })
     }
 
-    /// On the disk, for a static, which nothing removes.
+    /// For a static, whose folder stays after the tests: on the disk, below the folder of what was built.
     pub(crate) fn lasting() -> Self {
         Self::below(env!("CARGO_TARGET_TMPDIR").as_ref()).filled("")
     }

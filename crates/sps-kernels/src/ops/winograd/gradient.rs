@@ -1,10 +1,12 @@
 //! The gradient of the weights.
 
+use std::ops::Range;
+
 use sps_base::parallel;
 
 use super::points::of_sums;
 use super::transforms::{TransformGradients, TransformInputs};
-use super::{CACHE, MEMORY, Reach, Tile, Winograd, tiles, worth_it};
+use super::{CACHE, CHANNELS, MEMORY, Reach, Tile, Winograd, tiles, worth_it};
 use crate::ops::grid::{Window, pixels, starts};
 use crate::ops::outer::Outer;
 use crate::ops::simd::Level;
@@ -22,7 +24,7 @@ const MOST_PARTS: usize = 8;
 
 /// The gradient of the weights, `(outputs, inputs, time, height, width)`, by tiles of 2 x 2 outputs: of each tile
 /// 16 products of a pair of channels in place of 36. False where the window is another or it is not worth it.
-/// Frames are summed in parts, and the parts in order.
+/// Frames are summed in parts, and the parts in order; threads beyond their number share the outputs of a part.
 pub(in crate::ops) fn weight_gradient(
     level: Level,
     window: &Window,
@@ -39,22 +41,28 @@ pub(in crate::ops) fn weight_gradient(
         return false;
     }
     let times = window.size[0];
+    let shape = [times, inputs, outputs];
     let parts = frames.min(MOST_PARTS);
-    let part = |part: usize| {
+    let shares = rayon::current_num_threads().div_ceil(parts.max(1));
+    let height = outputs.div_ceil(shares).next_multiple_of(CHANNELS);
+    let shares = outputs.div_ceil(height);
+    let piece = |piece: usize| {
+        let (part, first) = (piece / shares, piece % shares * height);
         let at = |part: usize| frames * part / parts * pixels(size);
         let tiles = tiles(2, size, at(part)..at(part + 1));
-        let shape = [times, inputs, outputs];
-        sums_of_products(level, shape, reach, gradient, &tiles)
+        let rows = first..outputs.min(first + height);
+        sums_of_products(level, shape, rows, reach, gradient, &tiles)
     };
-    let parts: Vec<Vec<f32>> = parallel::map(0..parts, part);
+    let pieces: Vec<Vec<f32>> = parallel::map(0..parts * shares, piece);
     let rows = target.chunks_mut(inputs * 9 * times).enumerate();
     parallel::each(rows, |(output, target)| {
+        let (share, row) = (output / height, output % height);
         for time in 0..times {
             let mut sums = vec![[0.0; PRODUCTS]; inputs];
-            for part in &parts {
-                let products = part.chunks_exact(times * outputs * inputs);
-                for (product, part) in products.enumerate() {
-                    let row = &part[(time * outputs + output) * inputs..][..inputs];
+            for piece in pieces.iter().skip(share).step_by(shares) {
+                let products = piece.chunks_exact(piece.len() / PRODUCTS);
+                for (product, piece) in products.enumerate() {
+                    let row = &piece[piece.len() / times * time + row * inputs..][..inputs];
                     for (sum, value) in sums.iter_mut().zip(row) {
                         sum[product] += value;
                     }
@@ -68,22 +76,22 @@ pub(in crate::ops) fn weight_gradient(
     true
 }
 
-/// `(products, times, outputs, inputs)`: sums over tiles of the products of their inputs with the gradients of
-/// their outputs, both transformed.
+/// `(products, times, rows, inputs)`: sums over tiles of the products of their inputs with the gradients of
+/// those outputs, both transformed.
 fn sums_of_products(
     level: Level,
     [times, inputs, outputs]: [usize; 3],
+    rows: Range<usize>,
     reach: &Reach<'_>,
     gradient: &[f32],
     tiles: &[Tile],
 ) -> Vec<f32> {
-    let count = PRODUCTS;
-    let mut sums = vec![0.0; count * times * inputs * outputs];
-    let most = (CACHE / (count * (times * inputs + outputs))).max(1);
+    let mut sums = vec![0.0; PRODUCTS * times * inputs * rows.len()];
+    let most = (CACHE / (PRODUCTS * (times * inputs + outputs))).max(1);
     let mut memory = MEMORY.take();
     for tiles in tiles.chunks(most) {
-        let seen = count * times * tiles.len() * inputs;
-        memory.resize(seen + count * tiles.len() * outputs);
+        let seen = PRODUCTS * times * tiles.len() * inputs;
+        memory.resize(seen + PRODUCTS * tiles.len() * outputs);
         let (seen, slopes) = memory.split_at_mut(seen);
         let of_inputs = TransformInputs::<f32, 4> {
             reach,
@@ -101,11 +109,12 @@ fn sums_of_products(
             target: &mut *slopes,
         });
         let [left_rows, right_rows] = [outputs, inputs].map(|step| starts(tiles.len(), step));
-        for (i, sums) in sums.chunks_exact_mut(inputs * outputs).enumerate() {
+        for (i, sums) in sums.chunks_exact_mut(inputs * rows.len()).enumerate() {
+            let first = i / times * tiles.len() * outputs + rows.start;
             let outer = Outer {
-                left: (&slopes[i / times * tiles.len() * outputs..], &left_rows),
+                left: (&slopes[first..], &left_rows),
                 right: (&seen[i * tiles.len() * inputs..], &right_rows),
-                height: outputs,
+                height: rows.len(),
                 width: inputs,
             };
             outer.add(level, sums, inputs);

@@ -44,27 +44,19 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 #[pymodule]
 mod _sps {
     #[pymodule_export]
-    use crate::conformal::{Coverage, GroupConformal, SplitConformal, coverage};
-    #[pymodule_export]
-    use crate::dataset::{Dataset, simulate};
-    #[pymodule_export]
-    use crate::encoder::{Encoder, list_encoders};
-    #[pymodule_export]
-    use crate::errors::UndefinedScore;
-    #[pymodule_export]
-    use crate::estimator::{Answer, Answers, Estimate, Estimator, Looked, Session};
-    #[pymodule_export]
-    use crate::intervals::{ScoreInterval, difference, holm, interval};
-    #[pymodule_export]
-    use crate::own::{Fitted, fit};
-    #[pymodule_export]
-    use crate::program::program;
-    #[pymodule_export]
-    use crate::runs::{Comparison, Run, compare, experiment};
-    #[pymodule_export]
-    use crate::scores::{Score, mae, median_percent_error, r2, rmse, spearman};
-    #[pymodule_export]
-    use crate::views::{Selection, select_views};
+    use crate::{
+        conformal::{Coverage, GroupConformal, SplitConformal, coverage},
+        dataset::{Dataset, simulate},
+        encoder::{Encoder, list_encoders},
+        errors::UndefinedScore,
+        estimator::{Answer, Answers, Estimate, Estimator, Looked, Session},
+        intervals::{ScoreInterval, difference, holm, interval},
+        own::{Fitted, fit},
+        program::program,
+        runs::{Comparison, Run, compare, experiment},
+        scores::{Score, mae, median_percent_error, r2, rmse, spearman},
+        views::{Selection, select_views},
+    };
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");

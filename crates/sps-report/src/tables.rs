@@ -20,9 +20,8 @@ pub fn tables(results: &Results) -> Vec<Table> {
         if results.has_percentages() {
             tables.push(per_property(results, &PERCENT_ERROR));
         }
-        tables.push(per_property(results, &MAE));
-        tables.push(per_property(results, &MAE_OVER_STD));
-        tables.push(per_property(results, &SPEARMAN));
+        let others = [&MAE, &MAE_OVER_STD, &SPEARMAN];
+        tables.extend(others.map(|shown| per_property(results, shown)));
     }
     tables.extend(intervals(results));
     tables.extend(properties(results));
@@ -91,7 +90,7 @@ const PERCENT_ERROR: Shown = Shown {
         (&method.scores.median_percent_error, mean)
     },
     printed: Some(|row| (&row.median_percent_error, row.median_percent_error_mean)),
-    ceilings: false,
+    ..MAE
 };
 
 const MAE_OVER_STD: Shown = Shown {
@@ -100,8 +99,7 @@ const MAE_OVER_STD: Shown = Shown {
     caption: "Over the standard deviation of the property's values over all surfaces.",
     decimals: Some(2),
     measured: |method| (&method.scores.mae_over_std, method.means.mae_over_std_mean),
-    printed: None,
-    ceilings: false,
+    ..MAE
 };
 
 const SPEARMAN: Shown = Shown {
@@ -110,8 +108,7 @@ const SPEARMAN: Shown = Shown {
     caption: "1 where estimates have the order of the measured values.",
     decimals: Some(2),
     measured: |method| (&method.scores.spearman, method.means.spearman_mean),
-    printed: None,
-    ceilings: false,
+    ..MAE
 };
 
 const MAE: Shown = Shown {

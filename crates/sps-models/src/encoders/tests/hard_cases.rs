@@ -36,8 +36,8 @@ fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
 }
 
 /// How far the kernels' embeddings may be from the network in f64, of the largest value, after as many
-/// layers as [`LAYERS`].
-const BOUND: f64 = 5e-6;
+/// layers as [`LAYERS`]: as PyTorch's in f32 at worst (`fixtures/golden/rounding_of_one_value.py`).
+const BOUND: f64 = 1e-5;
 
 /// As many as SE-ResNeXt-50 has. What is rounded in each layer adds up, and grows through those that
 /// follow: in all with the square of their number.
@@ -61,7 +61,7 @@ fn agree(case: &str, encoder: &Encoder, images: &Tensor) {
     let errors = rows.map(|(found, exact)| error(found, exact));
     let error = errors.fold(0.0, f64::max);
     let deep = encoder.network.layers.len() as f64 / LAYERS;
-    let bound = BOUND * deep.powi(2).max(1.0);
+    let bound = BOUND * deep.powi(2).max(0.5);
     println!("{case}: error {error:.1e}, bound {bound:.0e}");
     assert!(error <= bound, "{case}");
 }

@@ -16,6 +16,8 @@ use crate::optim::AdamConfig;
 struct Case {
     /// How far PyTorch's own gradients in f32 are from those in f64.
     rounding: f64,
+    /// How far PyTorch's own losses in f32 are from those in f64, over their sum, at the worst of all steps.
+    step_rounding: f64,
     losses: Vec<BTreeMap<String, f64>>,
     encoder: BTreeMap<String, f64>,
     heads: BTreeMap<String, Vec<f64>>,
@@ -150,8 +152,7 @@ fn losses_and_gradients_are_pytorchs() {
         let embeddings = trainer.encoder.forward(&batch).unwrap();
         let surfaces: Vec<usize> = (0..SURFACES).collect();
         let share = Share::whole(&surfaces);
-        let loss = trainer.objective.loss(&embeddings, share, 0);
-        let (loss, losses) = loss.unwrap();
+        let (loss, losses) = trainer.objective.loss(&embeddings, share, 0).unwrap();
         let found = error(&losses, &expected.losses[0]);
         assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
         let total = f64::from(loss.to_scalar::<f32>().unwrap());
@@ -194,18 +195,18 @@ fn losses_and_gradients_are_pytorchs() {
 
 #[test]
 fn ten_steps_are_pytorchs() {
-    let expected = expected("joint").losses;
+    let expected = expected("joint");
     let mut trainer = JOINT.trainer();
     let mut steps = Vec::new();
     while !trainer.is_finished() {
         let epoch = trainer.epoch(&JOINT, |step| steps.push(step.losses));
         epoch.unwrap();
     }
-    assert_eq!(steps.len(), expected.len());
-    let errors = steps.iter().zip(&expected).map(|(step, e)| error(step, e));
-    let errors: Vec<f64> = errors.collect();
-    println!("ten steps: {errors:?}");
-    assert!(errors.iter().all(|&error| error < 1e-3), "{errors:?}");
+    assert_eq!(steps.len(), expected.losses.len());
+    let steps = steps.iter().zip(&expected.losses);
+    let errors: Vec<f64> = steps.map(|(step, e)| error(step, e)).collect();
+    let bound = f64::max(1e-3, 2.0 * expected.step_rounding);
+    assert!(errors.iter().all(|&error| error < bound), "{errors:?}");
 }
 
 /// Stripes in twos: of each surface a bright and a dark image.

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use candle_core::{DType, Device, Tensor};
+use sps_kernels::simd::Level;
 
 use crate::encoders::{Encoder, EncoderKind};
 #[cfg(feature = "heads")]
@@ -34,6 +35,11 @@ static BEFORE_MAIN: extern "C" fn() = {
     }
     settings
 };
+
+/// The first bound with fused multiply-add, the second without it, at the portable level.
+pub(crate) fn bound(bounds: [f64; 2]) -> f64 {
+    bounds[usize::from(matches!(Level::detect(), Level::Portable))]
+}
 
 /// Such values as a tensor, f64.
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {

@@ -90,7 +90,7 @@ const PERCENT_ERROR: Shown = Shown {
         (&method.scores.median_percent_error, mean)
     },
     printed: Some(|row| (&row.median_percent_error, row.median_percent_error_mean)),
-    ..MAE
+    ceilings: false,
 };
 
 const MAE_OVER_STD: Shown = Shown {

@@ -94,10 +94,9 @@ impl Scratch {
     /// In memory, unless `TMPDIR` is set or less than a gibibyte is free: tests write thousands of files.
     pub(crate) fn empty() -> Self {
         let (memory, disk) = (Path::new("/dev/shm"), std::env::temp_dir());
-        let system = rustix::fs::statvfs(memory).ok();
-        let system = system.filter(|_| std::env::var_os("TMPDIR").is_none());
-        let has_room = system.is_some_and(|system| system.f_bavail * system.f_frsize >= 1 << 30);
-        Self::below(if has_room { memory } else { &disk })
+        let free = rustix::fs::statvfs(memory).map_or(0, |s| s.f_bavail * s.f_frsize);
+        let in_memory = free >= 1 << 30 && std::env::var_os("TMPDIR").is_none();
+        Self::below(if in_memory { memory } else { &disk })
     }
 
     /// For a static, whose folder stays after the tests: on the disk, below the folder of what was built.

@@ -1,7 +1,5 @@
 //! The gradient of the weights.
 
-use std::ops::Range;
-
 use sps_base::parallel;
 
 use super::points::of_sums;
@@ -24,7 +22,7 @@ const MOST_PARTS: usize = 8;
 
 /// The gradient of the weights, `(outputs, inputs, time, height, width)`, by tiles of 2 x 2 outputs: of each tile
 /// 16 products of a pair of channels in place of 36. False where the window is another or it is not worth it.
-/// Frames are summed in parts, and the parts in order; threads beyond their number share the outputs of a part.
+/// Frames are summed in parts, and the parts in order. More threads than parts share the outputs of each.
 pub(in crate::ops) fn weight_gradient(
     level: Level,
     window: &Window,
@@ -40,8 +38,7 @@ pub(in crate::ops) fn weight_gradient(
     if !serves {
         return false;
     }
-    let times = window.size[0];
-    let shape = [times, inputs, outputs];
+    let shape @ [times, ..] = [window.size[0], inputs, outputs];
     let parts = frames.min(MOST_PARTS);
     let shares = rayon::current_num_threads().div_ceil(parts.max(1));
     let height = outputs.div_ceil(shares).next_multiple_of(CHANNELS);
@@ -50,7 +47,7 @@ pub(in crate::ops) fn weight_gradient(
         let (part, first) = (piece / shares, piece % shares * height);
         let at = |part: usize| frames * part / parts * pixels(size);
         let tiles = tiles(2, size, at(part)..at(part + 1));
-        let rows = first..outputs.min(first + height);
+        let rows = (first, height.min(outputs - first));
         sums_of_products(level, shape, rows, reach, gradient, &tiles)
     };
     let pieces: Vec<Vec<f32>> = parallel::map(0..parts * shares, piece);
@@ -76,17 +73,17 @@ pub(in crate::ops) fn weight_gradient(
     true
 }
 
-/// `(products, times, rows, inputs)`: sums over tiles of the products of their inputs with the gradients of
-/// those outputs, both transformed.
+/// `(products, times, height, inputs)`: sums over tiles of the products of their inputs with the gradients of
+/// `height` outputs from `first` on, both transformed.
 fn sums_of_products(
     level: Level,
     [times, inputs, outputs]: [usize; 3],
-    rows: Range<usize>,
+    (first, height): (usize, usize),
     reach: &Reach<'_>,
     gradient: &[f32],
     tiles: &[Tile],
 ) -> Vec<f32> {
-    let mut sums = vec![0.0; PRODUCTS * times * inputs * rows.len()];
+    let mut sums = vec![0.0; PRODUCTS * times * inputs * height];
     let most = (CACHE / (PRODUCTS * (times * inputs + outputs))).max(1);
     let mut memory = MEMORY.take();
     for tiles in tiles.chunks(most) {
@@ -108,13 +105,13 @@ fn sums_of_products(
             n: outputs,
             target: &mut *slopes,
         });
+        let slopes = &slopes[first..];
         let [left_rows, right_rows] = [outputs, inputs].map(|step| starts(tiles.len(), step));
-        for (i, sums) in sums.chunks_exact_mut(inputs * rows.len()).enumerate() {
-            let first = i / times * tiles.len() * outputs + rows.start;
+        for (i, sums) in sums.chunks_exact_mut(inputs * height).enumerate() {
             let outer = Outer {
-                left: (&slopes[first..], &left_rows),
+                left: (&slopes[i / times * tiles.len() * outputs..], &left_rows),
                 right: (&seen[i * tiles.len() * inputs..], &right_rows),
-                height: rows.len(),
+                height,
                 width: inputs,
             };
             outer.add(level, sums, inputs);

@@ -1,6 +1,6 @@
 //! Steps whose batch goes through the network in parts.
 
-use super::heads::{Pairs, inputs, model, through_heads};
+use super::heads::{Pairs, inputs, through_heads};
 use super::*;
 use crate::encoders::Depths;
 use crate::training::batches::Batch;
@@ -56,7 +56,7 @@ fn parts_have_the_gradient_of_the_whole_step() {
     let pairs = Pairs::new(11);
     for input in inputs() {
         let targets = pairs.targets_of(&without_norms());
-        let config = through_heads(input.clone(), model());
+        let config = through_heads(input.clone(), golden::cross_modal());
         let error = differs(&pairs, &targets, &config);
         assert!(error < 1e-5, "{input:?}: {error:.1e}");
     }

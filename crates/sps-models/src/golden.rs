@@ -36,11 +36,6 @@ static BEFORE_MAIN: extern "C" fn() = {
     settings
 };
 
-/// The first bound with fused multiply-add, the second without it, at the portable level.
-pub(crate) fn bound(bounds: [f64; 2]) -> f64 {
-    bounds[usize::from(matches!(Level::detect(), Level::Portable))]
-}
-
 /// Such values as a tensor, f64.
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
     let values = uniform(name, shape.iter().product());
@@ -50,6 +45,11 @@ pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
 /// The same in f32, which holds all their digits.
 pub(crate) fn input(name: &str, shape: &[usize]) -> Tensor {
     tensor(name, shape).to_dtype(DType::F32).unwrap()
+}
+
+/// The first bound with fused multiply-add, the second without it, at the portable level.
+pub(crate) fn bound(bounds: [f64; 2]) -> f64 {
+    bounds[usize::from(matches!(Level::detect(), Level::Portable))]
 }
 
 /// A network's tensor as the scripts fill it, f32.

@@ -38,7 +38,7 @@ fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
 /// How far embeddings may be from those in f64, over the largest value, after [`LAYERS`] layers.
 const BOUND: f64 = 5e-6;
 
-/// The same without fused multiply-add: as far as PyTorch in f32 (`fixtures/golden/rounding_of_one_value.py`).
+/// The same without fused multiply-add: as far as PyTorch's in f32 (`fixtures/golden/rounding_of_one_value.py`).
 const BOUND_NOT_FUSED: f64 = 1e-5;
 
 /// As many as SE-ResNeXt-50 has. What is rounded in each layer adds up, and grows through those that
@@ -63,7 +63,7 @@ fn agree(case: &str, encoder: &Encoder, images: &Tensor) {
     let errors = rows.map(|(found, exact)| error(found, exact));
     let error = errors.fold(0.0, f64::max);
     let deep = encoder.network.layers.len() as f64 / LAYERS;
-    let bound = bound([BOUND, BOUND_NOT_FUSED]) * deep.powi(2).max(1.0);
+    let bound = (bound([BOUND, BOUND_NOT_FUSED]) * deep.powi(2)).max(BOUND);
     println!("{case}: error {error:.1e}, bound {bound:.0e}");
     assert!(error <= bound, "{case}");
 }

@@ -14,9 +14,9 @@ use crate::optim::AdamConfig;
 
 #[derive(Deserialize)]
 struct Case {
-    /// How far PyTorch's gradients in f32 are from those in f64: with oneDNN, and the farther of with it and without.
+    /// How far PyTorch's gradients in f32 are from those in f64: with oneDNN; with or without it, whichever is farther.
     rounding: [f64; 2],
-    /// The farther of the losses of the worst step, over their sum.
+    /// The same of the losses of the worst step, over their sum: with or without oneDNN, whichever is farther.
     step_rounding: f64,
     losses: Vec<BTreeMap<String, f64>>,
     encoder: BTreeMap<String, f64>,

@@ -35,10 +35,10 @@ fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
     Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
 }
 
-/// How far embeddings may be from those in f64, over the largest value, after [`LAYERS`] layers.
+/// How far embeddings may be from those in f64, over the largest value, after [`LAYERS`] layers or fewer.
 const BOUND: f64 = 5e-6;
 
-/// The same without fused multiply-add: as far as PyTorch's in f32 (`fixtures/golden/rounding_of_one_value.py`).
+/// The same without fused multiply-add, after that many: as far as PyTorch's in f32 (`fixtures/golden/rounding_of_one_value.py`).
 const BOUND_NOT_FUSED: f64 = 1e-5;
 
 /// As many as SE-ResNeXt-50 has. What is rounded in each layer adds up, and grows through those that

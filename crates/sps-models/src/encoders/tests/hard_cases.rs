@@ -38,11 +38,11 @@ fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
 /// How far embeddings may be from those in f64, over the largest value, after [`LAYERS`] layers or fewer.
 const BOUND: f64 = 5e-6;
 
-/// The same without fused multiply-add, after that many: as far as PyTorch's in f32 (`fixtures/golden/rounding_of_one_value.py`).
+/// The same without fused multiply-add, after [`LAYERS`] layers: as far as PyTorch's in f32
+/// (`fixtures/golden/rounding_of_one_value.py`). After fewer it is smaller, but never below [`BOUND`].
 const BOUND_NOT_FUSED: f64 = 1e-5;
 
-/// As many as SE-ResNeXt-50 has. What is rounded in each layer adds up, and grows through those that
-/// follow: in all with the square of their number.
+/// As many as SE-ResNeXt-50 has. Rounding adds up and grows from layer to layer: with the square of their number.
 const LAYERS: f64 = 54.0;
 
 /// Each image less its own mean over its own spread, in f32.

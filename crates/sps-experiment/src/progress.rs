@@ -2,12 +2,13 @@
 //! elsewhere.
 
 use std::cell::RefCell;
+use std::fmt::Write;
 use std::io::IsTerminal;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use tracing::info;
 
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
@@ -43,6 +44,7 @@ pub struct Progress {
     follower: Option<Arc<dyn Follower>>,
     bar: ProgressBar,
     what: String,
+    begun_at: u64,
     next_line: Option<Mutex<Instant>>,
 }
 
@@ -55,9 +57,14 @@ impl Progress {
     /// Goes on counting where `done` were done before.
     pub(crate) fn resumed(what: &str, done: usize, total: usize) -> Self {
         let style = ProgressStyle::with_template(
-            "{msg} {wide_bar} {human_pos}/{human_len}, {per_sec}, {eta} left",
+            "{msg} {wide_bar} {human_pos}/{human_len}, {per_sec}, {left} left",
         )
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("left", move |state: &ProgressState, out: &mut dyn Write| {
+            let total = state.len().unwrap_or_default();
+            let left = left(state.elapsed(), done as u64, state.pos(), total);
+            let _ = write!(out, "{}", HumanDuration(left));
+        });
         let bar = ProgressBar::new(total as u64)
             .with_style(style)
             .with_message(what.to_owned());
@@ -73,6 +80,7 @@ impl Progress {
             follower,
             bar,
             what: what.to_owned(),
+            begun_at: done as u64,
             next_line,
         }
     }
@@ -96,13 +104,10 @@ impl Progress {
         let now = Instant::now();
         if now >= *next {
             *next = now + BETWEEN_LINES;
-            info!(
-                "{}: {} of {}, {} s left",
-                self.bar.message(),
-                self.bar.position(),
-                self.bar.length().unwrap_or_default(),
-                self.bar.eta().as_secs()
-            );
+            let (message, done) = (self.bar.message(), self.bar.position());
+            let total = self.bar.length().unwrap_or_default();
+            let left = left(self.bar.elapsed(), self.begun_at, done, total).as_secs();
+            info!("{message}: {done} of {total}, {left} s left");
         }
     }
 
@@ -112,6 +117,13 @@ impl Progress {
             .as_ref()
             .is_some_and(|follower| follower.is_over())
     }
+}
+
+/// How long the rest takes if it goes on as on the mean so far: steps may differ by much, as the first
+/// search of a rerun does from all that follow.
+fn left(elapsed: Duration, begun_at: u64, done: u64, total: u64) -> Duration {
+    let (done_here, rest) = (done.saturating_sub(begun_at), total.saturating_sub(done));
+    elapsed.mul_f64(rest as f64 / done_here.max(1) as f64)
 }
 
 impl Drop for Progress {

@@ -66,12 +66,12 @@ impl Folds<'_> {
         Ok(lacking)
     }
 
-    /// Every selection that the methods of a family need, property by property.
+    /// Every selection that the methods of a family need, rerun by rerun: the first selection of a
+    /// rerun takes the longest, so the time left is best told when they are spread out.
     fn wanted<'m>(&self, family: &Family<'m>, dealt: &Dealt) -> Result<Vec<Wanted<'m>>> {
-        let reruns = dealt.of_any();
         let mut wanted = Vec::new();
-        for property in &self.tables().properties {
-            for &rerun in &reruns {
+        for rerun in dealt.of_any() {
+            for property in &self.tables().properties {
                 let members = family.members.iter();
                 for &(place, method, selected) in members.filter(|one| dealt.has(one.0, rerun)) {
                     wanted.push(Wanted {

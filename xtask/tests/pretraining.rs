@@ -24,9 +24,6 @@ batch-size = 8
 validation = 0.2
 ";
 
-/// An encoder of a quarter of the default's weights.
-const SMALL: &str = "encoder = \"squeezenet1-1\"\n";
-
 /// `pretrain` in a folder of its own, with settings before those of the config, and tables after them.
 fn pretrain(folder: &Path, settings: &str, tables: &str) -> Command {
     fs::create_dir_all(folder).unwrap();
@@ -50,7 +47,7 @@ fn ended(mut command: Command, status: i32) -> String {
     said
 }
 
-/// What is in the folder of the runs: a folder of each training, and what a teacher saw.
+/// What is in the folder of the runs: a folder of each training.
 fn runs(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join("runs/small"));
     let paths = entries.into_iter().flatten();
@@ -90,8 +87,8 @@ fn an_encoder_starts_from_weights_that_fit_it() {
     let scratch = tempfile::tempdir().unwrap();
     let fixture = |name: &str| root().join("crates/sps-models/weights").join(name);
     let start = |name: &str| format!("start = {:?}\n", fixture(name).display().to_string());
-    let unflipped = "[training.augmentation]\nflip = false\n";
-    let command = |folder: &Path, settings: &str| pretrain(folder, settings, unflipped);
+    let tables = "[training.augmentation]\nflip = false\n";
+    let command = |folder: &Path, settings: &str| pretrain(folder, settings, tables);
     let body = "encoder = \"efficientnet-lite-body\"\n";
     let weights = |settings: &str, folder: &str| {
         let folder = scratch.path().join(folder);
@@ -131,63 +128,44 @@ fn an_encoder_starts_from_weights_that_fit_it() {
     refused(body.to_owned() + &gone, "none.safetensors");
 }
 
-/// The built-in encoder as a teacher, of patterns too.
-fn taught(weight: f64, size: usize, images: usize) -> String {
+/// Begun with the built-in encoder, of which some images' features are kept.
+fn keeping(kept: &str) -> (String, String) {
     let weights = root().join("crates/sps-models/weights/efficientnet-lite-body.safetensors");
-    format!(
-        "[patterns]\nclasses = 5\nimages = {images}\n[teacher]\nencoder = \"efficientnet-lite-body\"\n\
-         weights = {:?}\nsize = {size}\nweight = {weight:?}\n",
+    let start = format!(
+        "start = {:?}\ndepths = \"all\"\n",
         weights.display().to_string()
-    )
+    );
+    (start, format!("[kept]\n{kept}\n"))
 }
 
 #[test]
-fn an_encoder_learns_patterns_and_what_a_teacher_sees() {
+fn an_encoder_keeps_what_it_sees_in_patterns() {
     let scratch = tempfile::tempdir().unwrap();
-    let weights = |folder: &str, tables: &str, threads: &str| {
+    let weights = |folder: &str, kept: &str, threads: &str| {
         let folder = scratch.path().join(folder);
-        let mut command = pretrain(&folder, SMALL, tables);
+        let (start, tables) = keeping(kept);
+        let mut command = pretrain(&folder, &start, &tables);
         command.env("RAYON_NUM_THREADS", threads);
-        assert!(command.status().unwrap().success());
+        let said = ended(command, 0);
+        assert!(said.contains("240 of 240 tensors"), "{said}");
         fs::read(folder.join("weights.safetensors")).unwrap()
     };
-    // The one file of what the teacher saw.
-    let kept = || {
-        let mut kept = runs(&scratch.path().join("a"));
-        kept.retain(|path| {
-            let name = path.file_name().unwrap().to_string_lossy();
-            name.starts_with("teacher-")
-        });
-        assert_eq!(kept.len(), 1, "{kept:?}");
-        kept.remove(0)
-    };
-    let first = weights("a", &taught(1.0, 48, 6), "1");
-    kept();
-    assert!(first == weights("b", &taught(1.0, 48, 6), "3"));
-    // Its embeddings are found again by a training that weighs them otherwise.
-    assert!(first != weights("a", &taught(3.0, 48, 6), "3"));
-    // Damaged, they are made again.
-    let mut bytes = fs::read(kept()).unwrap();
-    *bytes.last_mut().unwrap() ^= 0x80;
-    fs::write(kept(), bytes).unwrap();
-    let [again, whole] = ["a", "b"].map(|folder| weights(folder, &taught(2.0, 48, 6), "3"));
-    assert!(again == whole);
-    assert!(first != weights("a", "[patterns]\nclasses = 5\nimages = 6\n", "3"));
-    kept();
+    let first = weights("a", "patterns = 12", "1");
+    assert!(first == weights("b", "patterns = 12", "3"));
+    // In a folder that holds the finished training of another weight.
+    assert!(first != weights("a", "patterns = 12\nweight = 9.0", "3"));
+    assert!(first != weights("a", "patterns = 0", "3"));
 }
 
 #[test]
-fn a_teacher_and_patterns_that_cannot_be_meant_are_refused_by_key() {
+fn what_cannot_be_kept_is_refused_by_key() {
     let scratch = tempfile::tempdir().unwrap();
-    let refused = |tables: &str, key: &str| {
-        let said = ended(pretrain(scratch.path(), "", tables), 1);
+    let refused = |settings: &str, kept: &str, key: &str| {
+        let (_, tables) = keeping(kept);
+        let said = ended(pretrain(scratch.path(), settings, &tables), 1);
         assert!(said.contains(key), "{key}: {said}");
     };
-    refused(&taught(0.0, 48, 6), "teacher.weight");
-    refused(&taught(1.0, 0, 6), "teacher.size");
-    refused(&taught(1.0, 48, 0), "patterns.images");
-    let valid = taught(1.0, 48, 6);
-    refused(&valid.replace("body\"", "vgg\""), "teacher.encoder");
-    let gone = valid.replace("body.safe", "gone.safe");
-    refused(&gone, "efficientnet-lite-gone");
+    refused("", "patterns = 3", "`kept.patterns`");
+    refused("", "weight = 0.0", "`kept.weight`");
+    refused("", "pattern = 3", "pattern");
 }

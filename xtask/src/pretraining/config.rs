@@ -31,47 +31,22 @@ pub(crate) struct Pretraining {
     pub trained_share: f64,
     pub simulated: SimulatorSpec,
     pub views_per_surface: usize,
-    pub patterns: PatternsSpec,
-    pub teacher: Option<TeacherSpec>,
+    pub kept: KeptSpec,
     pub training: TrainingConfig,
     /// Every key with its value, as TOML.
     #[serde(skip)]
     pub resolved: String,
 }
 
-/// How many patterns there are beside the simulated surfaces.
+/// Images beside those of surfaces, whose features stay those of `start`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct PatternsSpec {
-    pub seed: u64,
-    pub classes: usize,
-    /// Of each class.
-    pub images: usize,
-}
-
-/// The encoder whose embeddings are learnt as well.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct TeacherSpec {
-    #[serde(rename = "encoder", deserialize_with = "of_images")]
-    pub kind: EncoderKind,
-    #[serde(default)]
-    pub depths: Depths,
-    pub weights: PathBuf,
-    /// Pixels along a side of what it sees.
-    #[serde(default = "usual_size")]
-    pub size: usize,
-    /// How much its loss counts.
-    #[serde(default = "usual_weight")]
+pub(crate) struct KeptSpec {
+    /// How much it counts that they do.
     pub weight: f64,
-}
-
-const fn usual_size() -> usize {
-    224
-}
-
-const fn usual_weight() -> f64 {
-    1.0
+    pub seed: u64,
+    /// Images that formulas draw.
+    pub patterns: usize,
 }
 
 /// A network of images, by its name.
@@ -102,20 +77,19 @@ impl Pretraining {
 
     fn check(&self, layers: &Layers<'_>) -> Result<(), ConfigError> {
         layers.checked("", self.kind.blocks(&self.depths))?;
-        if let Some(teacher) = &self.teacher {
-            let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
-            layers.require(positive, "teacher.weight", "must be above 0")?;
-            layers.checked("teacher", teacher.kind.blocks(&teacher.depths))?;
-            let least = teacher.kind.min_size();
-            let problem = format!("must be at least {least}, the least that the teacher takes");
-            layers.require(teacher.size >= least, "teacher.size", &problem)?;
-        }
+        let weight = self.kept.weight;
+        let positive = weight.is_finite() && weight > 0.0;
+        layers.require(positive, "kept.weight", "must be above 0")?;
         let share = self.trained_share;
         let fits = share > 0.0 && (share == 1.0 || share < 1.0 && self.start.is_some());
         let problem = "must be above 0 and at most 1; below 1 it needs `start`";
         layers.require(fits, "trained-share", problem)?;
-        let problem = "must be at least 1; without patterns, `patterns.classes` is 0";
-        layers.require(self.patterns.images > 0, "patterns.images", problem)?;
+        let known = self.kept.patterns == 0 || self.start.is_some();
+        layers.require(
+            known,
+            "kept.patterns",
+            "must be 0 without a `start` to keep",
+        )?;
         let views = self.simulated.views;
         let fits = (1..=views).contains(&self.views_per_surface);
         let problem = format!("must be from 1 to `simulated.views`, {views}");

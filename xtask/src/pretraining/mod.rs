@@ -1,8 +1,6 @@
-//! `pretrain`: an encoder is trained on a world of simulated surfaces and of patterns, and on what a teacher sees in
-//! it.
+//! `pretrain`: an encoder is trained on simulated surfaces, while its features of other images stay as they are.
 
 mod config;
-mod teacher;
 mod world;
 
 use std::path::PathBuf;
@@ -12,15 +10,14 @@ use sps_experiment::config::Setting;
 use sps_experiment::files::write_atomically;
 use sps_experiment::training::{FrameImages, Task, TrainedEncoder, in_words, train};
 use sps_models::encoders::Encoder;
-use sps_models::training::{Image, Targets};
+use sps_models::training::{Image, Kept, Targets};
 use sps_models::weights::{Storage, Weights};
 use tracing::info;
 
 use config::Pretraining;
-use teacher::Teacher;
 use world::World;
 
-/// Train an encoder on simulated surfaces and patterns, by itself or as a teacher sees them
+/// Train an encoder on simulated surfaces, while its features of other images stay as they are
 #[derive(clap::Args)]
 #[command(
     after_help = "The encoder never sees a tactile value. Stopped at any moment, it goes on after \
@@ -44,35 +41,35 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let world = World::new(&pretraining)?;
     let start = start(&pretraining)?;
     let runs = PathBuf::from("runs").join(&pretraining.name);
-    let teacher = pretraining.teacher.as_ref();
-    let teacher = teacher.map(Teacher::read).transpose()?;
-    let features = teacher.as_ref().map(|t| t.features(&world, &runs));
-    let taught = teacher.as_ref().map(|t| (t.key(), t.weight()));
+    let images = FrameImages::new(world.len(), |image| {
+        let frame = world.frame(image)?;
+        Ok(Image::new(frame.height, frame.width, frame.data)?)
+    });
+    let weight = pretraining.kept.weight;
+    let others = world.others();
+    let kept = (!others.is_empty()).then(|| Kept::new(start.clone(), others, &images, weight));
     let task = Task {
         name: "pretraining",
         start: &start,
         targets: Targets {
             values: Some(world.visible()?),
             classes: Some(world.classes()?),
-            features: features.transpose()?,
+            kept: kept.transpose()?,
             ..Targets::default()
         },
         parts: world.parts(pretraining.training.validation),
         config: &pretraining.training,
         seed: pretraining.seed,
-        key: blake3::hash(format!("{} {taught:?} {}", world.key(), sources()).as_bytes()),
+        key: blake3::hash(format!("{} {weight} {}", world.key(), sources()).as_bytes()),
     };
-    let images = FrameImages::new(world.len(), |image| {
-        let frame = world.frame(image)?;
-        Ok(Image::new(frame.height, frame.width, frame.data)?)
-    });
     let trained = train(task, &images, &runs)?;
-    let note = note(&pretraining, &trained);
+    let quality = quality(&pretraining, &trained);
+    let note = serde_json::json!({ "config": pretraining.resolved, "quality": quality });
     let weights = mixed(&start, &trained.encoder, pretraining.trained_share)?;
-    let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note)))?;
+    let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note.to_string())))?;
     write_atomically(&args.out, &bytes)?;
     println!("{} ({} KiB)", args.out.display(), bytes.len() / 1024);
-    println!("{}", quality(&pretraining, &trained));
+    println!("{quality}");
     println!("TensorBoard: {}", trained.folder.display());
     Ok(())
 }
@@ -119,19 +116,12 @@ fn quality(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
     format!("surfaces kept out, after epoch {number}{mixed}: {losses}")
 }
 
-/// Where the weights come from, for the file's metadata.
-fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
-    let quality = quality(pretraining, trained);
-    serde_json::json!({ "config": pretraining.resolved, "quality": quality }).to_string()
-}
-
 /// The hash of the sources that decide what a pretraining comes to: those of a trial, and these.
 fn sources() -> String {
     let mut hasher = blake3::Hasher::new();
     for source in [
         sps_experiment::SOURCE_HASH,
         include_str!("mod.rs"),
-        include_str!("teacher.rs"),
         include_str!("world.rs"),
     ] {
         hasher.update(blake3::hash(source.as_bytes()).as_bytes());

@@ -1,20 +1,22 @@
 //! Images of simulated surfaces and of patterns, one after the other.
 
+use std::ops::Range;
+
 use anyhow::Result;
 use sps_dataset::{Frame, FrameIndex, Source};
 use sps_models::training::{Classes, Parts};
 use sps_regress::Readings;
 use sps_simulate::{Material, Patterns, Simulator};
 
-use super::config::{PatternsSpec, Pretraining};
+use super::config::{KeptSpec, Pretraining};
 
-/// All images by their numbers: first those of surfaces, then those of patterns, class by class.
+/// All images by their numbers: first those of surfaces, then those of patterns.
 pub(crate) struct World {
     simulator: Simulator,
     side: usize,
     frames: Vec<FrameIndex>,
     patterns: Patterns,
-    spec: PatternsSpec,
+    kept: KeptSpec,
 }
 
 impl World {
@@ -23,69 +25,66 @@ impl World {
             simulator: Simulator::new(pretraining.simulated.clone())?,
             side: pretraining.simulated.size,
             frames: frames(pretraining),
-            patterns: Patterns::new(pretraining.patterns.seed),
-            spec: pretraining.patterns.clone(),
+            patterns: Patterns::new(pretraining.kept.seed),
+            kept: pretraining.kept.clone(),
         })
     }
 
     /// Two worlds of one key have the same images.
     pub(crate) fn key(&self) -> String {
-        let (simulated, frames, patterns) = (self.simulator.spec(), &self.frames, &self.spec);
-        format!("{simulated:?} {frames:?} {patterns:?}")
+        let (simulated, frames, kept) = (self.simulator.spec(), &self.frames, &self.kept);
+        format!("{simulated:?} {frames:?} {kept:?}")
     }
 
     pub(crate) fn len(&self) -> usize {
-        self.frames.len() + self.spec.classes * self.spec.images
+        self.frames.len() + self.kept.patterns
+    }
+
+    /// The images that are not of surfaces.
+    pub(crate) fn others(&self) -> Range<usize> {
+        self.frames.len()..self.len()
     }
 
     pub(crate) fn frame(&self, image: usize) -> Result<Frame> {
         if let Some(&FrameIndex { surface, view }) = self.frames.get(image) {
             return Ok(self.simulator.frame(surface, view)?);
         }
-        let (class, number) = self.pattern(image);
-        Ok(self.patterns.frame(class, number, self.side))
+        // Each of a class of its own.
+        let class = image - self.frames.len();
+        Ok(self.patterns.frame(class, 0, self.side))
     }
 
-    /// The class of a pattern's image, and its number within.
-    fn pattern(&self, image: usize) -> (usize, usize) {
-        let beyond = image - self.frames.len();
-        (beyond / self.spec.images, beyond % self.spec.images)
-    }
-
-    /// The last surfaces, and the last images of each pattern, are kept for validation: surface `i` is
-    /// the same whatever their number.
+    /// The last surfaces are kept for validation: surface `i` is the same whatever their number.
     pub(crate) fn parts(&self, validation: f64) -> Parts {
-        let first_kept = |count: usize| (count as f64 * (1.0 - validation)).round() as usize;
-        let surfaces = self.frames.iter().map(|frame| frame.surface + 1).max();
-        let surfaces = first_kept(surfaces.unwrap_or(0));
-        let images = first_kept(self.spec.images);
-        let (training, validation) =
-            (0..self.len()).partition(|&image| match self.frames.get(image) {
-                Some(frame) => frame.surface < surfaces,
-                None => self.pattern(image).1 < images,
-            });
+        let surfaces = self.frames.last().map_or(0, |frame| frame.surface + 1);
+        let first_kept = (surfaces as f64 * (1.0 - validation)).round() as usize;
+        let trained = |&image: &usize| {
+            let frame = self.frames.get(image);
+            frame.is_none_or(|frame| frame.surface < first_kept)
+        };
+        let (training, validation) = (0..self.len()).partition(trained);
         Parts {
             training,
             validation,
         }
     }
 
-    /// The material of each surface; each class of patterns is one more.
+    /// The material of each surface; one more is what is of none.
     pub(crate) fn classes(&self) -> Result<Classes> {
-        let materials = Material::all().len();
-        let of_image = (0..self.len()).map(|image| {
-            let Some(frame) = self.frames.get(image) else {
-                return Ok((materials + self.pattern(image).0) as u32);
-            };
-            Ok(self.simulator.material(frame.surface)?.index() as u32)
+        let materials = Material::all().len() as u32;
+        let surfaces = self.frames.iter().map(|frame| {
+            let material = self.simulator.material(frame.surface)?;
+            Ok(material.index() as u32)
         });
+        let mut of_image: Vec<u32> = surfaces.collect::<Result<_>>()?;
+        of_image.resize(self.len(), materials);
         Ok(Classes {
-            of_image: of_image.collect::<Result<_>>()?,
-            count: (materials + self.spec.classes) as u32,
+            of_image,
+            count: materials + 1,
         })
     }
 
-    /// What the images of surfaces are rendered from; nothing for those of patterns.
+    /// What the images of surfaces are rendered from; nothing for the others.
     pub(crate) fn visible(&self) -> Result<Readings> {
         let mut rows = Vec::new();
         for frame in &self.frames {

@@ -111,7 +111,7 @@ fn losses(losses: &Losses) -> [Named; 8] {
         ("squared-error", losses.values),
         ("cross-entropy", losses.classes),
         ("accuracy", losses.accuracy),
-        ("features", losses.features),
+        ("kept", losses.kept),
         ("embedding", losses.embedding),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),

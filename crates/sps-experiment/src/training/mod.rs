@@ -193,9 +193,8 @@ pub fn in_words(losses: &Losses) -> String {
         words.push(format!("cross-entropy {:.3}", losses.classes));
         words.push(format!("{:.1} % of classes right", 100.0 * losses.accuracy));
     }
-    if losses.features > 0.0 {
-        let error = losses.features;
-        words.push(format!("error of the teacher's features {error:.3}"));
+    if losses.kept > 0.0 {
+        words.push(format!("error of kept features {:.3}", losses.kept));
     }
     words.join(", ")
 }

@@ -1,4 +1,5 @@
-//! What batch norm in training does to each channel, and what its gradients come from; [`super::pointwise`] does it.
+//! What batch norm does to each channel in training, by the statistics of its batch or by running ones, and what its
+//! gradients come from; [`super::pointwise`] does it.
 //!
 //! `y = (x - mean) * factor + beta` with `factor = gamma / sqrt(variance + eps)`: the mean is
 //! taken off first, so that a large common offset costs no digits.
@@ -15,6 +16,8 @@ use super::words::Real;
 /// What batch norm does to each channel of one batch.
 #[derive(Debug, Clone)]
 pub(crate) struct Norm {
+    /// Numbers of a channel that mean and variance are of; none where they do not depend on the batch.
+    count: Option<usize>,
     pub(crate) mean: Vec<f32>,
     /// `1 / sqrt(variance + eps)`
     pub(crate) inverse: Vec<f32>,
@@ -23,21 +26,32 @@ pub(crate) struct Norm {
 }
 
 impl Norm {
+    /// By the statistics of the batch.
     pub(crate) fn new(moments: &ChannelStatistics, gamma: &[f32], beta: &[f32], eps: f64) -> Self {
-        let inverse = |&variance: &f32| (1.0 / (f64::from(variance) + eps).sqrt()) as f32;
-        let inverse: Vec<f32> = moments.variance.iter().map(inverse).collect();
-        let factor: Vec<f32> = gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect();
+        let given = Self::given([&moments.mean, &moments.variance, gamma, beta], eps);
         // What the mean's rounding lost: much of a spread that is small beside the mean.
-        let lost = moments.mean_lost.iter().zip(&factor);
+        let lost = moments.mean_lost.iter().zip(&given.factor);
         let lost = lost.map(|(lost, &factor)| lost * f64::from(factor));
         let beta = beta.iter().zip(lost);
         Self {
-            mean: moments.mean.clone(),
+            count: Some(moments.count),
             beta: beta
                 .map(|(&b, lost)| (f64::from(b) - lost) as f32)
                 .collect(),
+            ..given
+        }
+    }
+
+    /// By the given mean and variance, with gamma and beta.
+    pub(crate) fn given([mean, variance, gamma, beta]: [&[f32]; 4], eps: f64) -> Self {
+        let inverse = |&variance: &f32| (1.0 / (f64::from(variance) + eps).sqrt()) as f32;
+        let inverse: Vec<f32> = variance.iter().map(inverse).collect();
+        Self {
+            count: None,
+            mean: mean.to_vec(),
+            factor: gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect(),
             inverse,
-            factor,
+            beta: beta.to_vec(),
         }
     }
 
@@ -121,9 +135,10 @@ pub(crate) struct NormGradients {
 }
 
 impl NormGradients {
-    /// From the sums over all `count` numbers of each channel: of the gradient of `y`, and of that times `x - mean`.
-    pub(crate) fn new(norm: &Norm, count: usize, [gradient, product]: &[Vec<f64>; 2]) -> Self {
-        let count = count as f64;
+    /// From the sums over all numbers of each channel: of the gradient of `y`, and of that times `x - mean`.
+    pub(crate) fn new(norm: &Norm, [gradient, product]: &[Vec<f64>; 2]) -> Self {
+        // What does not depend on the batch passes nothing on.
+        let count = norm.count.map_or(f64::INFINITY, |count| count as f64);
         let of = |number: &dyn Fn(usize) -> f64| -> Vec<f32> {
             (0..norm.mean.len()).map(|c| number(c) as f32).collect()
         };

@@ -9,7 +9,6 @@ use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::grid::Grid;
 use crate::ops::product::Epilogue;
-use crate::ops::statistics::ChannelStatistics;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
 
@@ -19,7 +18,8 @@ pub(super) struct KeptConv<W: Real> {
     /// What the norm is of, without a border.
     pub(super) raw: Value<W>,
     pub(super) norm: Norm,
-    pub(super) moments: ChannelStatistics,
+    /// The means of `raw` over space, `(frames, channels)`.
+    pub(super) frame_means: Vec<f32>,
 }
 
 impl<W: Real> KeptConv<W> {
@@ -35,14 +35,18 @@ impl<W: Real> KeptConv<W> {
         let target = (&mut memory[..], &grid);
         context.convolve(conv, source.view(), target, Epilogue::default())?;
         let raw = Value { memory, grid };
-        let (norm, moments) = context.norm(norm, raw.view(), statistics)?;
-        Ok(Self { raw, norm, moments })
+        let (norm, frame_means) = context.norm(norm, raw.view(), statistics)?;
+        Ok(Self {
+            raw,
+            norm,
+            frame_means,
+        })
     }
 
     /// The mean over space of the norm, `(frames, channels)`: the norm of the mean.
     pub(super) fn squeeze(&self) -> Vec<f32> {
         let norm = &self.norm;
-        let means = self.moments.frame_means.iter().enumerate();
+        let means = self.frame_means.iter().enumerate();
         let normed = means.map(|(i, x)| {
             let c = i % norm.mean.len();
             (x - norm.mean[c]) * norm.factor[c] + norm.beta[c]
@@ -63,7 +67,7 @@ impl<W: Real> KeptConv<W> {
         let of_this = &self.norm;
         let sums = of_this.sums(level, raw, gradient, grid, activation);
         let sums = sums.over_frames(grid.channels);
-        let of_norm = NormGradients::new(of_this, self.moments.count, &sums);
+        let of_norm = NormGradients::new(of_this, &sums);
         let slopes = of_norm.slopes.clone();
         pass.gradients.norm(norm, of_norm);
         let write = |target: &mut [W], layout: &Grid| {

@@ -25,6 +25,8 @@ pub(super) struct Context {
     pub(super) tensors: Arc<dyn Tensors>,
     pub(super) recycler: Arc<Recycler>,
     pub(super) level: Level,
+    /// Whether batch norm goes by them.
+    pub(super) running_statistics: bool,
 }
 
 /// Gradients by the parameters' names.
@@ -103,28 +105,33 @@ impl Context {
         Ok(())
     }
 
-    /// Batch norm's statistics of a feature map; noted where asked for.
+    /// The batch norm of a feature map, and the map's means over space, `(frames, channels)`; the batch's statistics are
+    /// noted where asked for.
     pub(super) fn norm<W: Real>(
         &self,
         layer: &str,
         (source, grid): (&[W], &Grid),
         statistics: Option<&mut Vec<BatchStatistics>>,
-    ) -> Result<(Norm, ChannelStatistics)> {
+    ) -> Result<(Norm, Vec<f32>)> {
+        let parameter = |leaf| self.parameter(&format!("{layer}.{leaf}"), <[f32]>::to_vec);
+        let (gamma, beta, eps) = (parameter("weight")?, parameter("bias")?, self.network.eps);
         let moments = ChannelStatistics::of(self.level, source, grid);
+        if self.running_statistics {
+            let (mean, variance) = (parameter("running_mean")?, parameter("running_var")?);
+            let norm = Norm::given([&mean, &variance, &gamma, &beta], eps);
+            return Ok((norm, moments.frame_means));
+        }
         BatchStatistics::check_count(moments.count, layer)?;
-        let gamma = self.parameter(&format!("{layer}.weight"), <[f32]>::to_vec)?;
-        let norm = self.parameter(&format!("{layer}.bias"), |beta| {
-            Norm::new(&moments, &gamma, beta, self.network.eps)
-        })?;
+        let norm = Norm::new(&moments, &gamma, &beta, eps);
         if let Some(statistics) = statistics {
             statistics.push(BatchStatistics {
                 layer: layer.to_owned(),
-                mean: moments.mean.clone(),
-                variance: moments.variance.clone(),
+                mean: moments.mean,
+                variance: moments.variance,
                 count: moments.count,
             });
         }
-        Ok((norm, moments))
+        Ok((norm, moments.frame_means))
     }
 
     /// Notes the gradient of a convolution's weights.

@@ -43,6 +43,8 @@ pub struct Training {
     /// Whether only the input of each block is kept for the backward pass, which then runs each block forward
     /// once more. The gradients are the same to the last bit.
     pub checkpointing: bool,
+    /// Whether batch norm goes by the running statistics, as in inference, rather than by the batch's own.
+    pub running_statistics: bool,
     /// The instructions to run by.
     pub level: Level,
 }
@@ -52,7 +54,7 @@ pub struct Training {
 pub struct Forward {
     /// `(images, width)`
     pub embeddings: Vec<f32>,
-    /// What the batch norms saw, in the order they ran.
+    /// What the batch norms saw, in the order they ran; nothing where they went by running statistics.
     pub statistics: Vec<BatchStatistics>,
     /// What the backward pass needs.
     pub pass: Pass,
@@ -98,6 +100,7 @@ impl Training {
             recycler: Arc::default(),
             precision: Precision::F32,
             checkpointing: false,
+            running_statistics: false,
             level: Level::detect(),
         }
     }
@@ -107,7 +110,7 @@ impl Training {
         self.recycler.shrink();
     }
 
-    /// Runs forward, batch norm by the batch's own statistics.
+    /// Runs forward.
     ///
     /// # Errors
     /// Tensors that are not the network's, images smaller than it takes, a batch norm that sees a single number in
@@ -119,6 +122,7 @@ impl Training {
             tensors,
             recycler: Arc::clone(&self.recycler),
             level: self.level,
+            running_statistics: self.running_statistics,
         };
         let record = match self.precision {
             Precision::F32 => Tape::<f32>::record,

@@ -79,7 +79,7 @@ impl<W: Real> KeptResidual<W> {
         gate: Option<&Gate>,
         sums: &FrameSums,
     ) -> Result<Slopes> {
-        let (norm, moments, grid) = (&self.conv.norm, &self.conv.moments, &self.conv.raw.grid);
+        let (norm, grid) = (&self.conv.norm, &self.conv.raw.grid);
         let channels = grid.channels;
         let count = pixels(grid.size) as f64;
         let wide = |values: &[f32], i: usize| f64::from(values[i % values.len()]);
@@ -96,13 +96,13 @@ impl<W: Real> KeptResidual<W> {
         // mean's.
         let behind = means.iter().enumerate().map(|(i, mean)| {
             let (gate, mean) = (f64::from(self.factors[i]), f64::from(*mean));
-            let offset = f64::from(moments.frame_means[i]) - wide(&norm.mean, i);
+            let offset = f64::from(self.conv.frame_means[i]) - wide(&norm.mean, i);
             let product = gate * sums.product[i] + mean * offset;
             (gate * sums.gradient[i] + mean, product)
         });
         let (gradient, product) = behind.unzip();
         let behind = FrameSums { gradient, product };
-        let normed = NormGradients::new(norm, moments.count, &behind.over_frames(channels));
+        let normed = NormGradients::new(norm, &behind.over_frames(channels));
         let factor = |i: usize| norm.factor[i % channels];
         let gates = self.factors.iter().enumerate();
         let shares = means.iter().enumerate().map(|(i, mean)| {

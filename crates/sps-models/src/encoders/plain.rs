@@ -31,7 +31,11 @@ impl TrainableEncoder {
     }
 
     pub(super) fn forward_plain(&mut self, images: &Tensor) -> Result<Tensor> {
-        let net = Plain::training(&self.network, &self.weights);
+        let net = if self.training.running_statistics {
+            Plain::new(&self.network, &self.weights)
+        } else {
+            Plain::training(&self.network, &self.weights)
+        };
         let embeddings = net.embed(&normalise(images, &self.network.normalisation)?)?;
         for statistics in net.into_statistics() {
             self.update(&statistics)?;

@@ -50,7 +50,7 @@ pub struct TrainableEncoder {
     variables: BTreeMap<String, Var>,
     #[cfg(test)]
     pub(super) plain: bool,
-    training: Training,
+    pub(super) training: Training,
     /// What candle's backward pass ends in, in front of the kernels' own.
     anchor: Var,
     received: Arc<Received>,
@@ -136,6 +136,14 @@ impl TrainableEncoder {
         self
     }
 
+    /// Batch norm by the running statistics, which stay as they are, rather than by the batch's own: an image's
+    /// embedding is then what [`TrainableEncoder::encoder`] gives, whatever else is in the batch.
+    #[must_use]
+    pub fn with_running_statistics(mut self, running: bool) -> Self {
+        self.training.running_statistics = running;
+        self
+    }
+
     /// What feature maps and their gradients are made of: f32, or bf16, which takes half the memory. Weights,
     /// their gradients, sums and statistics are f32 with both.
     ///
@@ -191,7 +199,8 @@ impl TrainableEncoder {
     }
 
     /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does:
-    /// batch norm by the batch's own statistics, which also move the running ones.
+    /// batch norm by the batch's own statistics, which also move the running ones, unless
+    /// [`TrainableEncoder::with_running_statistics`] says otherwise.
     ///
     /// # Errors
     /// When the tensor is of another shape or type or computed from a variable (there is no gradient

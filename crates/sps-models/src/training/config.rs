@@ -35,6 +35,9 @@ pub struct TrainingConfig {
     /// Whether only each block's input is kept for the backward pass: less memory, more time, the
     /// same bits.
     pub checkpointing: bool,
+    /// Whether batch norm goes by the running statistics of the start rather than by each batch's own, which random
+    /// weights need. Default: yes.
+    pub running_statistics: bool,
     /// What feature maps and their gradients are made of while the encoder is trained: f32, or bf16, which
     /// takes half the memory. Its weights stay f32. Default: f32.
     pub precision: Precision,
@@ -43,10 +46,6 @@ pub struct TrainingConfig {
     pub validation: f64,
     /// Epochs without a better one after which training ends; 0: it never ends early.
     pub patience: usize,
-    /// How much it counts, beside the objective, that the encoder still sees what it saw before it was
-    /// trained ([`Targets::start`](super::Targets::start)): its error, standardised, by a linear layer of
-    /// its own. 0: nothing.
-    pub distillation: f64,
     /// How images are varied.
     pub augmentation: Augmentation,
 }
@@ -166,17 +165,14 @@ impl Default for TrainingConfig {
             frozen_epochs: 0,
             batch_size: 16,
             micro_batch_size: None,
-            adam: AdamConfig {
-                learning_rate: 1e-3,
-                ..AdamConfig::default()
-            },
+            adam: AdamConfig::default(),
             warmup: 0.05,
             clip_norm: None,
             checkpointing: false,
+            running_statistics: true,
             precision: Precision::F32,
             validation: 0.1,
             patience: 0,
-            distillation: 0.0,
             augmentation: Augmentation::default(),
         }
     }
@@ -225,16 +221,12 @@ impl TrainingConfig {
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
-        let weight = self.distillation;
-        let sensible = weight.is_finite() && weight >= 0.0;
-        require(sensible, "distillation", weight, "0 or more")?;
         self.augmentation.check()
     }
 
     /// Whether targets must hold what the encoder sees before it is trained.
     pub fn needs_start(&self) -> bool {
-        let heads = matches!(self.objective, TrainingObjective::Heads { .. });
-        heads || self.distillation > 0.0
+        matches!(self.objective, TrainingObjective::Heads { .. })
     }
 
     /// The learning rate of step `step` of `steps`.
@@ -289,12 +281,12 @@ mod tests {
         };
         let rates: Vec<f64> = (0..100).map(|s| config.learning_rate(s, 100)).collect();
         let peak = rates.iter().copied().fold(0.0, f64::max);
-        assert!((peak - 1e-3).abs() < 1e-5);
+        assert!((peak - 1e-4).abs() < 1e-6);
         assert!(rates[..10].is_sorted());
         assert!(rates[10..].iter().rev().is_sorted());
-        assert!(rates[0] < 1e-4 && rates[99] < 1e-5);
+        assert!(rates[0] < 1e-5 && rates[99] < 1e-6);
         // Half of the cosine lies at its middle.
-        assert!((config.learning_rate(54, 100) / 1e-3 - 0.5).abs() < 0.02);
+        assert!((config.learning_rate(54, 100) / 1e-4 - 0.5).abs() < 0.02);
     }
 
     #[test]
@@ -338,7 +330,6 @@ mod tests {
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");
         refused(|c| c.precision = Precision::Int8, "precision");
         refused(|c| (c.patience, c.validation) = (3, 0.0), "patience");
-        refused(|c| c.distillation = -1.0, "distillation");
         refused(|c| c.augmentation.crop = 0.0, "augmentation.crop");
         refused(|c| c.augmentation.contrast = 1.0, "augmentation.contrast");
     }

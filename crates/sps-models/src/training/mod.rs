@@ -36,6 +36,7 @@
 mod batches;
 mod config;
 mod image;
+mod kept;
 mod objective;
 mod state;
 mod targets;
@@ -46,6 +47,7 @@ mod trainer;
 pub use batches::ImageSource;
 pub use config::{Augmentation, TrainingConfig, TrainingObjective};
 pub use image::Image;
+pub use kept::Kept;
 pub use objective::Losses;
-pub use targets::{Classes, Features, Targets};
+pub use targets::{Classes, Targets};
 pub use trainer::{Epoch, Parts, Trainer, TrainingStep};

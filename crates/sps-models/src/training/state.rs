@@ -152,9 +152,9 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
     if let Some(start) = &targets.start {
         add(start.values());
     }
-    if let Some(features) = &targets.features {
-        add(&features.embeddings.flatten_all()?.to_vec1::<f32>()?);
-        hasher.update(&features.weight.to_le_bytes());
+    if let Some(kept) = &targets.kept {
+        hasher.update(&kept.encoder.content_hash());
+        hasher.update(format!("{:?} {}", kept.images, kept.weight).as_bytes());
     }
     Ok(hasher.finalize().to_hex().to_string())
 }

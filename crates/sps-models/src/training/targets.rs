@@ -1,10 +1,10 @@
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 use sps_regress::{Embeddings, Readings, Standardiser};
 
-use crate::encoders::Block;
+use super::kept::Kept;
 use crate::error::{Error, Result, require};
 
-/// What an image is to say: values, a class, what another encoder sees, or several of these.
+/// What an image is to say: values, a class, or both.
 ///
 /// A row is an image; or, where heads are trained on several views, a surface, whose view `v` is
 /// image `row x views + v`.
@@ -14,26 +14,13 @@ pub struct Targets {
     pub values: Option<Readings>,
     /// One class for each image.
     pub classes: Option<Classes>,
-    /// What another encoder sees in each image.
-    pub features: Option<Features>,
+    /// Features that stay as they are; validation says nothing of them.
+    pub kept: Option<Kept>,
     /// What the encoder sees of each surface before it is trained, in the views that it is trained on:
     /// heads scale their inputs by it and form visual labels from it. For heads alone.
     pub start: Option<Embeddings>,
     /// The material of each surface, for heads whose labels come from it.
     pub materials: Option<Vec<String>>,
-}
-
-/// What another encoder, the teacher, sees in each image: distillation by features (Romero et al.,
-/// "FitNets", ICLR 2015).
-#[derive(Clone, Debug)]
-pub struct Features {
-    /// The teacher's embeddings, `(images, width)`, f32.
-    pub embeddings: Tensor,
-    /// What they are made of: each of these blocks is learnt from the encoder's own of the same name, or from all
-    /// that the encoder embeds where it has none of that name. Without any they are one block without a name.
-    pub blocks: Vec<Block>,
-    /// How much their loss counts beside the others.
-    pub weight: f64,
 }
 
 /// One class for each image.
@@ -55,18 +42,11 @@ impl Targets {
     pub(super) fn check(&self) -> Result<usize> {
         let rows = self.values.as_ref().map(Readings::surfaces);
         let labels = self.classes.as_ref().map(|classes| classes.of_image.len());
-        let features = self.features.as_ref().map(Features::images).transpose()?;
-        let views = self.views();
-        let images = features.unwrap_or(0);
-        let expected = format_args!("a multiple of {views}, the views of a surface");
-        require(images.is_multiple_of(views), "features", images, expected)?;
-        let features = features.map(|images| images / views);
         let start = self.start.as_ref().map(Embeddings::surfaces);
         let materials = self.materials.as_ref().map(Vec::len);
-        let counts = [rows, labels, features, start, materials];
+        let counts = [rows, labels, start, materials];
         let Some(images) = counts.into_iter().flatten().next() else {
-            let expected = "values, classes or features";
-            return Err(Error::input("targets", "none", expected));
+            return Err(Error::input("targets", "none", "values or classes"));
         };
         for found in counts.into_iter().flatten() {
             let expected = format_args!("{images}, one for each image");
@@ -79,41 +59,6 @@ impl Targets {
             }
         }
         Ok(images)
-    }
-}
-
-impl Features {
-    /// How many images there are features of.
-    fn images(&self) -> Result<usize> {
-        let (embeddings, weight) = (&self.embeddings, self.weight);
-        let positive = weight.is_finite() && weight > 0.0;
-        require(positive, "weight of features", weight, "above 0")?;
-        let width: usize = self.blocks.iter().map(|block| block.width).sum();
-        match *embeddings.dims() {
-            [_, found] if !self.blocks.is_empty() && found != width => {
-                let expected = format_args!("{width}, the width of all blocks");
-                Err(Error::input("width of features", found, expected))
-            }
-            [images, _] if embeddings.dtype() == DType::F32 => Ok(images),
-            ref other => {
-                let found = format_args!("{} {other:?}", embeddings.dtype().as_str());
-                Err(Error::input("features", found, "f32 (images, width)"))
-            }
-        }
-    }
-
-    /// Each column in units of its spread over some images, about its mean there.
-    pub(super) fn standardised(&self, training: &[usize]) -> Result<Tensor> {
-        let (images, width) = self.embeddings.dims2()?;
-        let mut values: Vec<f32> = self.embeddings.flatten_all()?.to_vec1()?;
-        for column in 0..width {
-            let of_training = training.iter().map(|image| values[image * width + column]);
-            let standard = Standardiser::of(of_training.map(f64::from)).unwrap_or_default();
-            for value in values[column..].iter_mut().step_by(width) {
-                *value = standard.standardise(f64::from(*value)) as f32;
-            }
-        }
-        Ok(Tensor::from_vec(values, (images, width), &Device::Cpu)?)
     }
 }
 

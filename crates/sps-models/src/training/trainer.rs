@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::batches::{self, Batch, ImageSource, Vary};
 use super::config::TrainingConfig;
+use super::kept::Kept;
 use super::objective::{Losses, Objective};
 use super::state;
 use super::targets::Targets;
@@ -32,6 +33,7 @@ pub struct Trainer {
     pub(super) seed: u64,
     pub(super) encoder: TrainableEncoder,
     pub(super) objective: Objective,
+    kept: Option<Kept>,
     pub(super) adam: Adam,
     parts: Parts,
     /// Images of a surface.
@@ -103,8 +105,12 @@ impl Trainer {
         let data = state::hash(&targets, &parts)?;
         let encoder = TrainableEncoder::new(encoder)?.with_precision(config.precision)?;
         let encoder = encoder.with_checkpointing(config.checkpointing);
+        let encoder = encoder.with_running_statistics(config.running_statistics);
         let blocks = encoder.blocks();
-        let objective = Objective::new(&config, targets, &parts.training, &blocks, seed)?;
+        let width = blocks.iter().map(|block| block.width).sum();
+        let kept = targets.kept.clone();
+        kept.iter().try_for_each(|kept| kept.check(&blocks))?;
+        let objective = Objective::new(&config, targets, &parts.training, width, seed)?;
         // What training changes, in an order that never differs.
         let of_encoder = encoder.variables().map(|(_, variable)| variable.clone());
         let of_objective = objective.parameters().map(|(_, variable)| variable.clone());
@@ -114,6 +120,7 @@ impl Trainer {
             seed,
             encoder,
             objective,
+            kept,
             adam,
             parts,
             views,
@@ -252,7 +259,13 @@ impl Trainer {
         done: usize,
     ) -> Result<(Vec<Tensor>, Losses)> {
         let embeddings = self.encoder.forward(images)?;
-        let (loss, losses) = self.objective.loss(&embeddings, share, done)?;
+        let (mut loss, mut losses) = self.objective.loss(&embeddings, share, done)?;
+        if let Some(kept) = &self.kept
+            && let Some(of_kept) = kept.loss(images, &embeddings, share)?
+        {
+            losses.kept = f64::from(of_kept.to_scalar::<f32>()?);
+            loss = (loss + of_kept)?;
+        }
         let store = self.encoder.backward(&loss)?;
         let frozen = self.history.len() < self.config.frozen_epochs;
         let of_encoder = self.encoder.variables().map(|(_, variable)| {

@@ -116,11 +116,10 @@ fn parameters(len: usize, seed: u64) -> Vec<f32> {
 
 const CHANNELS: usize = 34;
 
-fn norm_of<W: Real>(level: Level, x: &[W], grid: &Grid) -> (Norm, usize) {
+fn norm_of<W: Real>(level: Level, x: &[W], grid: &Grid) -> Norm {
     let statistics = ChannelStatistics::of(level, x, grid);
     let (gamma, beta) = (parameters(CHANNELS, 11), parameters(CHANNELS, 12));
-    let norm = Norm::new(&statistics, &gamma, &beta, 1e-5);
-    (norm, statistics.count)
+    Norm::new(&statistics, &gamma, &beta, 1e-5)
 }
 
 /// Batch norm with a rectifier, forward and backward, into a map with a border.
@@ -128,12 +127,12 @@ fn norm<W: Real>(level: Level) -> Left {
     let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
     let to = grid.padded(&Window::square(3, 1, 1));
     let (x, gradient) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
-    let (norm, count) = norm_of(level, &x, &grid);
+    let norm = norm_of(level, &x, &grid);
     let activation = Activation::Relu6;
     let (mut y, mut dx) = (vec![W::default(); to.len()], vec![W::default(); grid.len()]);
     norm.apply(level, (&x, &grid), None, (&mut y, &to), activation);
     let sums = norm.sums(level, &x, &gradient, &grid, activation);
-    let slopes = NormGradients::new(&norm, count, &sums.over_frames(CHANNELS)).slopes;
+    let slopes = NormGradients::new(&norm, &sums.over_frames(CHANNELS)).slopes;
     let ends = [&x[..], &gradient];
     norm.backward(level, &slopes, ends, (&mut dx, &grid), Some(activation));
     let maps = [y, dx].map(|map| W::numbers(&map).collect());
@@ -144,8 +143,8 @@ fn norm<W: Real>(level: Level) -> Left {
 fn residual<W: Real>(level: Level) -> Left {
     let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
     let (x, added) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
-    let (norm, _) = norm_of(level, &x, &grid);
-    let (other, _) = norm_of(level, &added, &grid);
+    let norm = norm_of(level, &x, &grid);
+    let other = norm_of(level, &added, &grid);
     let gate = parameters(2 * CHANNELS, 13);
     let (x, activation) = ((&x[..], &grid), Activation::Relu);
     let [mut plain, mut normed, mut dx] = [0; 3].map(|_| vec![W::default(); grid.len()]);

@@ -95,7 +95,7 @@ pub(super) fn batch_norm(
     let mut y = vec![0.0; grid.len()];
     norm.apply(level, (x, &grid), None, (&mut y, &grid), activation);
     let sums = norm.sums(level, x, gradient, &grid, activation);
-    let gradients = NormGradients::new(&norm, statistics.count, &sums.over_frames(grid.channels));
+    let gradients = NormGradients::new(&norm, &sums.over_frames(grid.channels));
     let mut of_x = vec![0.0; grid.len()];
     let (ends, target) = ([&x[..], gradient], (&mut of_x[..], &grid));
     norm.backward(level, &gradients.slopes, ends, target, Some(activation));
@@ -190,12 +190,8 @@ fn gated_residual(
 
 /// A norm that changes nothing.
 fn identity(channels: usize) -> Norm {
-    Norm {
-        mean: vec![0.0; channels],
-        inverse: vec![1.0; channels],
-        factor: vec![1.0; channels],
-        beta: vec![0.0; channels],
-    }
+    let [zeros, ones] = [0.0, 1.0].map(|value| vec![value; channels]);
+    Norm::given([&zeros, &ones, &ones, &zeros], 0.0)
 }
 
 #[test]

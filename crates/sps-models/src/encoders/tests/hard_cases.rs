@@ -193,6 +193,27 @@ fn training_needs_two_numbers_a_channel() {
     }
 }
 
+/// By running statistics an image is embedded in training as in use, alone or in a batch, of whatever size; they stay
+/// as they are. By the batch's own it is another.
+#[test]
+fn running_statistics_are_those_of_use() {
+    let start = &*GATED;
+    for shape in [(1, 3, 1, 1), (3, 3, 33, 40)] {
+        let images = textured(shape);
+        let run = |running| {
+            let trainable = TrainableEncoder::new(start).unwrap();
+            let mut trainable = trainable.with_running_statistics(running);
+            let embeddings = trainable.forward(&images).map(|found| values(&found));
+            (embeddings, trainable.weights().unwrap().to_bytes().unwrap())
+        };
+        let (found, after) = run(true);
+        let off = error(&found.unwrap(), &values(&start.embed(&images).unwrap()));
+        assert!(off <= BOUND, "{shape:?}: {off:.1e}");
+        assert!(after == start.weights().to_bytes().unwrap(), "{shape:?}");
+        assert!(shape.0 == 1 || run(false).1 != after);
+    }
+}
+
 #[test]
 fn training_on_odd_extents_agrees_with_plain_operators() {
     for shape in [(4, 3, 40, 37), (2, 3, 65, 70), (1, 3, 97, 131)] {

@@ -157,8 +157,9 @@ fn errors(found: &[Tensor; 2], expected: &[Tensor; 2]) -> [f64; 2] {
     [0, 1].map(|i| relative(&found[i], &expected[i]))
 }
 
-/// Every kind of network, by the kernels and by candle's operators: all gradients together. Both round, and
-/// the two networks of fifty layers pass on what rectifiers round to either side of zero.
+/// Every kind of network, by the kernels and by candle's operators, batch norm by the batch's statistics and by running
+/// ones: all gradients together. Both round, and the two networks of fifty layers pass on what rectifiers round to either
+/// side of zero.
 #[test]
 fn kernels_train_every_network_as_candle_does() {
     for (kind, bound) in [
@@ -170,11 +171,19 @@ fn kernels_train_every_network_as_candle_does() {
         (EfficientNetLite0, 1e-3),
     ] {
         let start = encoder(kind);
-        let new = || TrainableEncoder::new(&start).unwrap();
-        let [embedding, gradients] = errors(&whole(new()), &whole(new().with_plain_operators()));
-        println!("{kind}: embedding {embedding:.1e}, gradients {gradients:.1e}");
-        assert!(embedding < 3e-4, "{kind}: embedding {embedding:.1e}");
-        assert!(gradients < bound, "{kind}: gradients {gradients:.1e}");
+        for running in [false, true] {
+            let new = || {
+                TrainableEncoder::new(&start)
+                    .unwrap()
+                    .with_running_statistics(running)
+            };
+            let [embedding, gradients] =
+                errors(&whole(new()), &whole(new().with_plain_operators()));
+            let case = format!("{kind}, running statistics: {running}");
+            println!("{case}: embedding {embedding:.1e}, gradients {gradients:.1e}");
+            assert!(embedding < 3e-4, "{case}: embedding {embedding:.1e}");
+            assert!(gradients < bound, "{case}: gradients {gradients:.1e}");
+        }
     }
 }
 

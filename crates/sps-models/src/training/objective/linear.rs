@@ -14,7 +14,7 @@ use crate::training::targets::{Classes, Standards};
 /// The mean squared error of the standardised values, plus the cross-entropy of the classes, each a
 /// mean over the batch.
 #[derive(Debug)]
-pub(super) struct Linear {
+pub(crate) struct Linear {
     values: Option<(Standards, Layer)>,
     classes: Option<(Classes, Layer)>,
 }

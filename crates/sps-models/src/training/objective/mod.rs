@@ -4,55 +4,26 @@ mod linear;
 #[cfg(test)]
 mod tests;
 
-use std::ops::Range;
-
 use candle_core::backprop::GradStore;
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Tensor, Var};
 use serde::{Deserialize, Serialize};
-use sps_regress::{TrainingData, places};
+use sps_regress::TrainingData;
 
-use super::batches;
 use super::config::{TrainingConfig, TrainingObjective, head};
-use super::targets::{Features, Targets};
-use crate::encoders::Block;
+use super::targets::Targets;
 use crate::error::{Error, Result, require};
 use crate::heads::{Draw, EpochLosses, JointHeads, Share};
 use linear::{Layer, Linear};
 
 /// What stands on the embedding while the encoder is trained, and the loss of what it says.
 #[derive(Debug)]
-pub(super) struct Objective {
-    base: Base,
-    features: Option<Taught>,
-}
-
-#[derive(Debug)]
-enum Base {
+pub(super) enum Objective {
     Linear(Linear),
     Heads {
         heads: Box<JointHeads>,
         /// How much each of its losses counts.
         weights: EpochLosses,
     },
-}
-
-/// What a teacher's features are learnt by.
-#[derive(Debug)]
-struct Taught {
-    /// Standardised, `(images, width)`.
-    features: Tensor,
-    weight: f64,
-    blocks: Vec<TaughtBlock>,
-}
-
-/// One of the teacher's depths.
-#[derive(Debug)]
-struct TaughtBlock {
-    /// Its place in the teacher's embeddings.
-    wanted: Range<usize>,
-    /// The place in the encoder's that it is learnt from.
-    from: Range<usize>,
-    layer: Layer,
 }
 
 /// Parts of a loss, each times its weight; their sum is what training makes small.
@@ -66,8 +37,8 @@ pub struct Losses {
     /// Share of images whose class has the highest score; no part of the sum, and 0 where heads are
     /// trained.
     pub accuracy: f64,
-    /// Mean squared error of another encoder's features, in units of their variance in training.
-    pub features: f64,
+    /// Of features that are kept: their mean squared error, in units of their variance.
+    pub kept: f64,
     /// `L_emb` of the heads.
     pub embedding: f64,
     /// The generator's part of `L_adv`.
@@ -82,7 +53,7 @@ impl Losses {
         |l| &mut l.accuracy,
         |l| &mut l.values,
         |l| &mut l.classes,
-        |l| &mut l.features,
+        |l| &mut l.kept,
         |l| &mut l.embedding,
         |l| &mut l.generator,
         |l| &mut l.discriminator,
@@ -119,11 +90,9 @@ impl Objective {
         config: &TrainingConfig,
         targets: Targets,
         training: &[usize],
-        encoder: &[Block],
+        width: usize,
         seed: u64,
     ) -> Result<Self> {
-        let width = encoder.iter().map(|block| block.width).sum();
-        let images = batches::images(training, targets.views());
         if let Some(start) = &targets.start {
             let found = (start.views(), start.width());
             // Of the views that are shown, and by this encoder.
@@ -132,11 +101,10 @@ impl Objective {
             let what = "what the encoder sees at the start";
             require(found == expected, what, seen(found), seen(expected))?;
         }
-        let taught = taught_by(&targets, config.distillation)?;
-        let base = match &config.objective {
+        Ok(match &config.objective {
             TrainingObjective::Linear {} => {
                 let values = (targets.values, targets.classes);
-                Base::Linear(Linear::new(values, training, width, seed)?)
+                Self::Linear(Linear::new(values, training, width, seed)?)
             }
             TrainingObjective::Heads {
                 input,
@@ -146,31 +114,20 @@ impl Objective {
             } => {
                 let head = head(input, *scale, model);
                 let heads = JointHeads::new(head, &tables(&targets)?, training, seed)?;
-                Base::Heads {
+                Self::Heads {
                     heads: Box::new(heads),
                     weights: model.loss_weights(),
                 }
             }
-        };
-        let features = taught.map(|features| {
-            Ok::<_, Error>(Taught {
-                features: features.standardised(&images)?,
-                weight: features.weight,
-                blocks: taught_blocks(&features, encoder, seed)?,
-            })
-        });
-        let features = features.transpose()?;
-        Ok(Self { base, features })
+        })
     }
 
     /// The parameters, by name.
     pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
-        let features = self.features.iter().flat_map(|taught| &taught.blocks);
-        let mut parameters: Vec<(String, &Var)> = match &self.base {
-            Base::Linear(linear) => linear.layers().flat_map(Layer::parameters).collect(),
-            Base::Heads { heads, .. } => heads.parameters().collect(),
+        let parameters: Vec<(String, &Var)> = match self {
+            Self::Linear(linear) => linear.layers().flat_map(Layer::parameters).collect(),
+            Self::Heads { heads, .. } => heads.parameters().collect(),
         };
-        parameters.extend(features.flat_map(|block| block.layer.parameters()));
         parameters.into_iter()
     }
 
@@ -182,29 +139,23 @@ impl Objective {
         share: Share<'_>,
         step: usize,
     ) -> Result<(Tensor, Losses)> {
-        let (loss, losses) = match &self.base {
-            Base::Linear(linear) => linear.loss(embeddings, share)?,
-            Base::Heads { heads, weights } => {
+        match self {
+            Self::Linear(linear) => linear.loss(embeddings, share),
+            Self::Heads { heads, weights } => {
                 let seen = by_view(embeddings, heads.views())?;
                 let (loss, losses) = heads.loss(&seen, share, Draw::Step(step))?;
-                (loss, Losses::of_heads(&losses, weights))
+                Ok((loss, Losses::of_heads(&losses, weights)))
             }
-        };
-        self.with_features(embeddings, share, loss, losses)
+        }
     }
 
     /// What says how good an encoder is that embeds these surfaces so. Of heads it is the error of
     /// their values alone: those of a game say nothing of how good a player is, and clusters have no
     /// member that is not trained on.
     pub(super) fn validate(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<Losses> {
-        match &self.base {
-            Base::Linear(linear) => {
-                let whole = Share::whole(surfaces);
-                let (loss, losses) = linear.loss(embeddings, whole)?;
-                let (_, losses) = self.with_features(embeddings, whole, loss, losses)?;
-                Ok(losses)
-            }
-            Base::Heads { heads, .. } => {
+        match self {
+            Self::Linear(linear) => Ok(linear.loss(embeddings, Share::whole(surfaces))?.1),
+            Self::Heads { heads, .. } => {
                 let seen = by_view(embeddings, heads.views())?;
                 Ok(Losses {
                     values: heads.error(&seen, surfaces)?,
@@ -221,50 +172,13 @@ impl Objective {
             // Adam does not move what never had a gradient.
             None => variable.zeros_like(),
         };
-        let mut gradients = match &self.base {
-            Base::Linear(_) => Vec::new(),
-            Base::Heads { heads, .. } => heads.gradients()?,
+        let mut gradients = match self {
+            Self::Linear(_) => Vec::new(),
+            Self::Heads { heads, .. } => heads.gradients()?,
         };
         let others = self.parameters().skip(gradients.len()).map(of);
         gradients.extend(others.collect::<candle_core::Result<Vec<_>>>()?);
         Ok(gradients)
-    }
-
-    /// Adds the loss of a teacher's features.
-    fn with_features(
-        &self,
-        embeddings: &Tensor,
-        share: Share<'_>,
-        loss: Tensor,
-        mut losses: Losses,
-    ) -> Result<(Tensor, Losses)> {
-        let Some(taught) = &self.features else {
-            return Ok((loss, losses));
-        };
-        let of_features = taught.loss(embeddings, share)?;
-        losses.features = f64::from(of_features.to_scalar::<f32>()?);
-        Ok(((loss + of_features)?, losses))
-    }
-}
-
-impl Taught {
-    /// The mean over the blocks of the mean squared error of their features.
-    fn loss(&self, embeddings: &Tensor, Share { surfaces, of }: Share<'_>) -> Result<Tensor> {
-        let images = embeddings.dim(0)?;
-        let views = images / surfaces.len().max(1);
-        let images = batches::images(surfaces, views);
-        let rows: Vec<u32> = images.iter().map(|&image| image as u32).collect();
-        let rows = Tensor::new(rows, embeddings.device())?;
-        let wanted = self.features.index_select(&rows, 0)?;
-        let mut sum = nothing(embeddings)?;
-        for block in &self.blocks {
-            let wanted = wanted.narrow(1, block.wanted.start, block.wanted.len())?;
-            let seen = embeddings.narrow(1, block.from.start, block.from.len())?;
-            let error = block.layer.apply(&seen)?.sub(&wanted)?;
-            let count = of.len() * views * block.wanted.len() * self.blocks.len();
-            sum = (sum + (error.sqr()?.sum_all()? / count as f64)?)?;
-        }
-        Ok((sum * self.weight)?)
     }
 }
 
@@ -286,54 +200,6 @@ fn tables(targets: &Targets) -> Result<TrainingData<'_>> {
         Some(materials) => data.with_materials(materials),
         None => data,
     })
-}
-
-/// What is learnt by features: a teacher's, or what the encoder itself saw at the start.
-fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
-    if distillation == 0.0 {
-        return Ok(targets.features.clone());
-    }
-    let Some(start) = &targets.start else {
-        let expected = "what the encoder sees at the start, for distillation";
-        return Err(Error::input("targets", "none", expected));
-    };
-    let (alone, found) = (targets.features.is_none(), "features of another encoder");
-    require(alone, "targets", found, "none beside distillation")?;
-    let shape = (start.surfaces() * start.views(), start.width());
-    Ok(Some(Features {
-        embeddings: Tensor::from_slice(start.values(), shape, &Device::Cpu)?,
-        blocks: Vec::new(),
-        weight: distillation,
-    }))
-}
-
-/// What each of a teacher's blocks is learnt from, and by.
-fn taught_blocks(features: &Features, encoder: &[Block], seed: u64) -> Result<Vec<TaughtBlock>> {
-    let placed = |blocks: &[Block]| -> Vec<(String, Range<usize>)> {
-        let places = places(blocks.iter().map(|block| block.width));
-        let names = blocks.iter().map(|block| block.name.clone());
-        names.zip(places).collect()
-    };
-    let own = placed(encoder);
-    let all = 0..own.last().map_or(0, |(_, range)| range.end);
-    let block = |name: &str, wanted: Range<usize>, from: Range<usize>| {
-        let layer = Layer::new(name, from.len(), wanted.len(), seed)?;
-        Ok(TaughtBlock {
-            wanted,
-            from,
-            layer,
-        })
-    };
-    if features.blocks.is_empty() {
-        let wanted = 0..features.embeddings.dim(1)?;
-        return Ok(vec![block("features", wanted, all)?]);
-    }
-    let named = placed(&features.blocks).into_iter().map(|(name, wanted)| {
-        let same = own.iter().find(|(other, _)| *other == name);
-        let from = same.map_or_else(|| all.clone(), |(_, range)| range.clone());
-        block(&format!("features.{name}"), wanted, from)
-    });
-    named.collect()
 }
 
 /// A loss of nothing.

@@ -5,7 +5,7 @@ use sps_regress::Readings;
 
 use super::*;
 use crate::golden;
-use crate::training::targets::{Classes, Features};
+use crate::training::targets::Classes;
 
 fn targets() -> Targets {
     let rows = [
@@ -25,27 +25,11 @@ fn targets() -> Targets {
 }
 
 fn linear(targets: Targets, width: usize) -> Result<Objective> {
-    let block = Block {
-        name: "last".to_owned(),
-        width,
-    };
-    Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], &[block], 0)
+    Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], width, 0)
 }
 
 fn zeros(shape: (usize, usize)) -> Tensor {
     Tensor::zeros(shape, candle_core::DType::F32, &Device::Cpu).unwrap()
-}
-
-fn taught<const WIDTH: usize>(rows: &[[f32; WIDTH]], blocks: Vec<Block>) -> Targets {
-    let values = rows.as_flattened();
-    Targets {
-        features: Some(Features {
-            embeddings: Tensor::from_slice(values, (rows.len(), WIDTH), &Device::Cpu).unwrap(),
-            blocks,
-            weight: 2.0,
-        }),
-        ..Targets::default()
-    }
 }
 
 #[test]
@@ -71,62 +55,6 @@ fn the_loss_is_that_of_its_definition() {
     assert!((parts.accuracy - 2.0 / 3.0).abs() < 1e-6, "{parts:?}");
     let total = f64::from(loss.to_scalar::<f32>().unwrap());
     assert!((total - parts.total()).abs() < 1e-6);
-}
-
-#[test]
-fn the_loss_of_features_is_that_of_its_definition() {
-    let rows = [[1.0f32, 5.0], [3.0, 5.0], [5.0, 5.0], [99.0, 7.0]];
-    let objective = linear(taught(&rows, Vec::new()), 2).unwrap();
-    for (_, var) in objective.parameters() {
-        var.set(&var.zeros_like().unwrap()).unwrap();
-    }
-    let loss = objective.loss(&zeros((2, 2)), Share::whole(&[2, 1]), 0);
-    let (loss, parts) = loss.unwrap();
-    // Column 1: standardised to 1.2247 and 0; column 2 never changes and is 0.
-    let expected = 2.0 * 1.5 / 4.0;
-    assert!((parts.features - expected).abs() < 1e-6, "{parts:?}");
-    assert!((f64::from(loss.to_scalar::<f32>().unwrap()) - expected).abs() < 1e-6);
-}
-
-/// A teacher's depth is learnt from the encoder's own of that name, any other from all; each counts alike, however
-/// wide it is.
-#[test]
-fn each_of_a_teachers_depths_is_learnt_by_itself() {
-    let block = |name: &str, width| Block {
-        name: name.to_owned(),
-        width,
-    };
-    let rows = [[1.0f32, 5.0, 2.0], [3.0, 5.0, 4.0], [5.0, 5.0, 6.0]];
-    let encoder = [block("stage-1", 2), block("stage-2", 3)];
-    let new = |blocks| {
-        let targets = taught(&rows, blocks);
-        targets.check()?;
-        Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], &encoder, 0)
-    };
-    let narrow = new(vec![block("stage-2", 2)]);
-    golden::refused(narrow, "found 3, expected 2");
-    let objective = new(vec![block("stage-2", 2), block("head", 1)]).unwrap();
-    let shapes = objective
-        .parameters()
-        .map(|(name, v)| format!("{name} {:?}", v.dims()));
-    let shapes: Vec<String> = shapes.collect();
-    let expected = [
-        "features.stage-2.weight [2, 3]",
-        "features.stage-2.bias [2]",
-        "features.head.weight [1, 5]",
-        "features.head.bias [1]",
-    ];
-    assert_eq!(shapes, expected);
-
-    for (_, var) in objective.parameters() {
-        var.set(&var.zeros_like().unwrap()).unwrap();
-    }
-    let loss = objective.loss(&zeros((2, 5)), Share::whole(&[2, 1]), 0);
-    let (_, parts) = loss.unwrap();
-    // Columns 1 and 3: standardised to 1.2247 and 0; column 2 never changes and is 0. The first block has
-    // 1.5 in four numbers, the second 1.5 in two.
-    let expected = 2.0 * (1.5 / 4.0 + 1.5 / 2.0) / 2.0;
-    assert!((parts.features - expected).abs() < 1e-6, "{parts:?}");
 }
 
 #[test]

@@ -45,9 +45,10 @@ fn parts_have_the_gradient_of_the_whole_step() {
     let mut rows: Vec<_> = rows.collect();
     (rows[0][0], rows[1][0], rows[4][1]) = (None, None, None);
     let names = vec!["brightness".into(), "darkness".into()];
+    let other = Encoder::seeded(without_norms().kind(), 1).unwrap();
     let targets = Targets {
         values: Some(Readings::new(names, &rows).unwrap()),
-        features: Some(features(golden::input("taught", &[11, 2]), 0.5)),
+        kept: Some(Kept::new(other, 3..9, &stripes, 0.5).unwrap()),
         ..stripes.targets()
     };
     let error = differs(&stripes, &targets, &config());

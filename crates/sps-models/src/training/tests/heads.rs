@@ -79,6 +79,7 @@ impl Golden {
             warmup: 0.0,
             validation: 0.0,
             augmentation: Augmentation::STILL,
+            running_statistics: false,
             ..TrainingConfig::default()
         };
         let parts = parts(0..SURFACES, []);
@@ -361,8 +362,6 @@ mod hard_cases {
         refused(&|t| drop(t.materials.as_mut().unwrap().pop()), "23");
         let wide = Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap();
         refused(&|t| t.start = Some(wide.clone()), "width 7");
-        let odd = features(golden::input("odd", &[47, 5]), 1.0);
-        refused(&|t| t.features = Some(odd.clone()), "a multiple of 2");
         let unread = Readings::new(vec!["brightness".into()], &vec![vec![None]; 24]).unwrap();
         let expected = "at least one that a training surface";
         refused(&|t| t.values = Some(unread.clone()), expected);
@@ -392,79 +391,5 @@ mod hard_cases {
         let mut trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
         let epoch = trainer.epoch(&pairs, |step| assert!(step.losses.total().is_finite()));
         assert!(epoch.unwrap().validation.unwrap().total().is_finite());
-    }
-
-    /// Distillation beside heads: a teacher's features of each image, not of each surface.
-    #[test]
-    fn features_belong_to_images() {
-        let pairs = Pairs::new(24);
-        let targets = Targets {
-            features: Some(features(golden::input("taught", &[48, 5]), 2.0)),
-            ..pairs.targets()
-        };
-        let config = through_heads(Input::LateFusion { views: 2 }, golden::cross_modal());
-        let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
-        let width = trainer.encoder.kind().width();
-        let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
-        let loss = trainer.objective.loss(&embeddings, Share::whole(&[3]), 0);
-        let (_, losses) = loss.unwrap();
-        // The layer says its bias of both images; standardised over the images of training.
-        let mut parameters = trainer.objective.parameters();
-        let (_, bias) = parameters.find(|(n, _)| n == "features.bias").unwrap();
-        let bias = golden::values(bias);
-        let all = golden::uniform("taught", 48 * 5);
-        let mut sum = 0.0;
-        for (column, bias) in bias.iter().enumerate() {
-            let feature = |image: usize| all[image * 5 + column];
-            let mean = (0..32).map(feature).sum::<f64>() / 32.0;
-            let squares = (0..32).map(|image| (feature(image) - mean).powi(2));
-            let deviation = (squares.sum::<f64>() / 32.0).sqrt();
-            let taught = [6, 7].map(|image| (feature(image) - mean) / deviation);
-            sum += taught.iter().map(|t| (bias - t).powi(2)).sum::<f64>();
-        }
-        let expected = 2.0 * sum / 10.0;
-        assert!((losses.features / expected - 1.0).abs() < 1e-5);
-    }
-
-    /// Distillation is the loss of a teacher whose features are what the encoder saw at the start, under
-    /// either objective; beside a teacher, or without what it saw, it is refused.
-    #[test]
-    fn distillation_is_a_teacher_that_is_the_encoder_itself() {
-        let pairs = Pairs::new(24);
-        let heads = || through_heads(Input::LateFusion { views: 2 }, golden::cross_modal());
-        let start = pairs.targets().start.unwrap();
-        let shape = (48, start.width());
-        let embeddings = Tensor::from_slice(start.values(), shape, &Device::Cpu).unwrap();
-        let trainer = |targets: Targets, config: TrainingConfig| {
-            Trainer::new(&super::start(), targets, pairs.0.parts(), config, 5)
-        };
-        let taught = Targets {
-            features: Some(features(embeddings, 3.0)),
-            ..pairs.targets()
-        };
-        let itself = TrainingConfig {
-            distillation: 3.0,
-            ..heads()
-        };
-        let seen = golden::input("seen", &[4, start.width()]);
-        let loss = |trainer: Trainer| {
-            let loss = trainer.objective.loss(&seen, Share::whole(&[3, 7]), 0);
-            loss.unwrap().1
-        };
-        let expected = loss(trainer(taught.clone(), heads()).unwrap());
-        let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());
-        assert!(found.features > 0.0);
-        assert_eq!(found, expected);
-
-        golden::refused(trainer(taught, itself), "none beside distillation");
-        let linear = || TrainingConfig {
-            distillation: 3.0,
-            ..config()
-        };
-        let without = trainer(pairs.0.targets(), linear());
-        golden::refused(without, "for distillation");
-        // Linear layers look at one image.
-        let of_two = trainer(pairs.targets(), linear());
-        golden::refused(of_two, "expected 1 views");
     }
 }

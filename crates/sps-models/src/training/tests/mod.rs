@@ -2,18 +2,20 @@
 
 mod accumulation;
 mod heads;
+mod kept;
 mod sequences;
 
 use std::error::Error as StdError;
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Tensor};
 use sps_base::streams::named_stream;
 use sps_regress::Readings;
 
 use super::*;
-use crate::encoders::{Encoder, EncoderKind};
+use crate::encoders::{Depths, Encoder, EncoderKind};
 use crate::error::Result;
 use crate::golden::{self, on_threads};
+use crate::optim::AdamConfig;
 use crate::weights::{Storage, Weights};
 use rand::Rng;
 
@@ -80,6 +82,10 @@ fn config() -> TrainingConfig {
     TrainingConfig {
         epochs: 12,
         batch_size: 8,
+        adam: AdamConfig {
+            learning_rate: 1e-3,
+            ..AdamConfig::default()
+        },
         clip_norm: Some(5.0),
         augmentation: Augmentation {
             brightness: 0.0,
@@ -114,15 +120,6 @@ fn parts(
     Parts {
         training: training.into_iter().collect(),
         validation: validation.into_iter().collect(),
-    }
-}
-
-/// What a teacher sees, of one block.
-fn features(embeddings: Tensor, weight: f64) -> Features {
-    Features {
-        embeddings,
-        blocks: Vec::new(),
-        weight,
     }
 }
 
@@ -305,13 +302,7 @@ fn targets_that_do_not_fit_are_refused() {
         golden::refused(trainer, expected);
     };
     let none = Targets::default();
-    refused(none, stripes.parts(), "values, classes or features");
-    let taught = |rows: usize, weight: f64| Targets {
-        features: Some(features(golden::input("taught", &[rows, 5]), weight)),
-        ..stripes.targets()
-    };
-    refused(taught(23, 1.0), stripes.parts(), "23");
-    refused(taught(24, 0.0), stripes.parts(), "weight of features");
+    refused(none, stripes.parts(), "values or classes");
     let mut short = stripes.targets();
     short.classes.as_mut().unwrap().of_image.pop();
     refused(short, stripes.parts(), "23");

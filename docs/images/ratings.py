@@ -68,7 +68,7 @@ def panel(dataset, attribute, rows, left):
             f'href="{photograph(dataset, surface)}"/>'
         )
         middle = x + PHOTOGRAPH / 2
-        for line, text in enumerate((f"rated {rating:+.1f}", f"est. {estimate:+.1f}")):
+        for line, text in enumerate((f"rated {rating:+z.1f}", f"est. {estimate:+z.1f}")):
             parts.append(f'<text x="{middle}" y="{y + PHOTOGRAPH + 18 + 16 * line}" class="small">{text}</text>')
     parts.append("</g>")
     return "".join(parts)

@@ -54,13 +54,13 @@ impl World {
         Ok(self.patterns.frame(class, 0, self.side))
     }
 
-    /// The last surfaces are kept for validation: surface `i` is the same whatever their number.
+    /// The last surfaces are held out for validation: surface `i` is the same whatever their number.
     pub(crate) fn parts(&self, validation: f64) -> Parts {
         let surfaces = self.frames.last().map_or(0, |frame| frame.surface + 1);
-        let first_kept = (surfaces as f64 * (1.0 - validation)).round() as usize;
+        let first_held_out = (surfaces as f64 * (1.0 - validation)).round() as usize;
         let trained = |&image: &usize| {
             let frame = self.frames.get(image);
-            frame.is_none_or(|frame| frame.surface < first_kept)
+            frame.is_none_or(|frame| frame.surface < first_held_out)
         };
         let (training, validation) = (0..self.len()).partition(trained);
         Parts {
@@ -69,7 +69,7 @@ impl World {
         }
     }
 
-    /// The material of each surface; one more is what is of none.
+    /// The material of each surface; the class after the materials is that of images of none.
     pub(crate) fn classes(&self) -> Result<Classes> {
         let materials = Material::all().len() as u32;
         let surfaces = self.frames.iter().map(|frame| {

@@ -5,7 +5,7 @@ use candle_core::Tensor;
 use super::*;
 use crate::heads::Share;
 
-/// Of two blocks, batch norm by running statistics.
+/// Of two blocks.
 fn encoder() -> Encoder {
     let depths = Depths::Named(vec!["stage-1".to_owned(), "stage-3".to_owned()]);
     start().with_depths(&depths).unwrap()

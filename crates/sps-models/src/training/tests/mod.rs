@@ -87,6 +87,8 @@ fn config() -> TrainingConfig {
             ..AdamConfig::default()
         },
         clip_norm: Some(5.0),
+        // So that they move, and are part of a state.
+        running_statistics: false,
         augmentation: Augmentation {
             brightness: 0.0,
             contrast: 0.0,

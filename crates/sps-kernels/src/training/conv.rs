@@ -18,7 +18,7 @@ pub(super) struct KeptConv<W: Real> {
     /// What the norm is of, without a border.
     pub(super) raw: Value<W>,
     pub(super) norm: Norm,
-    /// The means of `raw` over space, `(frames, channels)`.
+    /// The means of `raw` over space, `(frames, channels)`; perhaps none where nothing is squeezed.
     pub(super) frame_means: Vec<f32>,
 }
 
@@ -28,6 +28,7 @@ impl<W: Real> KeptConv<W> {
         context: &Context,
         (conv, norm): (&Conv, &str),
         source: &Value<W>,
+        squeezed: bool,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
         let grid = output::<W>(conv, &source.grid)?;
@@ -35,7 +36,7 @@ impl<W: Real> KeptConv<W> {
         let target = (&mut memory[..], &grid);
         context.convolve(conv, source.view(), target, Epilogue::default())?;
         let raw = Value { memory, grid };
-        let (norm, frame_means) = context.norm(norm, raw.view(), statistics)?;
+        let (norm, frame_means) = context.norm(norm, raw.view(), squeezed, statistics)?;
         Ok(Self {
             raw,
             norm,

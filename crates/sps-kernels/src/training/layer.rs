@@ -105,22 +105,25 @@ impl Context {
         Ok(())
     }
 
-    /// The batch norm of a feature map, and the map's means over space, `(frames, channels)`; the batch's statistics are
-    /// noted where asked for.
+    /// The batch norm of a feature map, and the map's means over space, `(frames, channels)`, where they are `squeezed` or
+    /// come with the batch's statistics, which are noted where asked for.
     pub(super) fn norm<W: Real>(
         &self,
         layer: &str,
         (source, grid): (&[W], &Grid),
+        squeezed: bool,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<(Norm, Vec<f32>)> {
         let parameter = |leaf| self.parameter(&format!("{layer}.{leaf}"), <[f32]>::to_vec);
         let (gamma, beta, eps) = (parameter("weight")?, parameter("bias")?, self.network.eps);
-        let moments = ChannelStatistics::of(self.level, source, grid);
+        let moments = || ChannelStatistics::of(self.level, source, grid);
         if self.running_statistics {
             let (mean, variance) = (parameter("running_mean")?, parameter("running_var")?);
             let norm = Norm::given([&mean, &variance, &gamma, &beta], eps);
-            return Ok((norm, moments.frame_means));
+            let means = squeezed.then(|| moments().frame_means);
+            return Ok((norm, means.unwrap_or_default()));
         }
+        let moments = moments();
         BatchStatistics::check_count(moments.count, layer)?;
         let norm = Norm::new(&moments, &gamma, &beta, eps);
         if let Some(statistics) = statistics {

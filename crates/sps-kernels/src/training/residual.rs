@@ -34,13 +34,12 @@ impl<W: Real> KeptResidual<W> {
             let expected = "a batch norm before its shortcut";
             return Err(Error::input("network", &conv.name, expected));
         };
-        let conv = KeptConv::record(context, (conv, norm), source, statistics)?;
-        let means = conv.squeeze();
-        let gate = gate.map(|gate| KeptGate::record(gate, context, means.clone()));
+        let conv = KeptConv::record(context, (conv, norm), source, gate.is_some(), statistics)?;
+        let gate = gate.map(|gate| KeptGate::record(gate, context, conv.squeeze()));
         let gate = gate.transpose()?;
         let factors = match &gate {
             Some(gate) => gate.factors.clone(),
-            None => vec![1.0; means.len()],
+            None => vec![1.0; conv.raw.grid.frames * conv.raw.grid.channels],
         };
         Ok(Self {
             conv,
@@ -96,7 +95,8 @@ impl<W: Real> KeptResidual<W> {
         // mean's.
         let behind = means.iter().enumerate().map(|(i, mean)| {
             let (gate, mean) = (f64::from(self.factors[i]), f64::from(*mean));
-            let offset = f64::from(self.conv.frame_means[i]) - wide(&norm.mean, i);
+            let squeezed = self.conv.frame_means.get(i);
+            let offset = squeezed.map_or(0.0, |&m| f64::from(m) - wide(&norm.mean, i));
             let product = gate * sums.product[i] + mean * offset;
             (gate * sums.gradient[i] + mean, product)
         });

@@ -240,7 +240,7 @@ fn record<W: Real>(
     statistics: Option<&mut Vec<BatchStatistics>>,
 ) -> Result<Option<KeptConv<W>>> {
     if let Some(norm) = &conv.norm {
-        let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
+        let kept = KeptConv::record(context, (conv, norm), source, false, statistics)?;
         if let Some(target) = target {
             let (norm, raw) = (&kept.norm, kept.raw.view());
             norm.apply(context.level, raw, None, target, conv.activation);

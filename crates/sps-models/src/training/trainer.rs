@@ -258,7 +258,11 @@ impl Trainer {
         share: Share<'_>,
         done: usize,
     ) -> Result<(Vec<Tensor>, Losses)> {
-        let embeddings = self.encoder.forward(images)?;
+        let frozen = self.history.len() < self.config.frozen_epochs;
+        let mut embeddings = self.encoder.forward(images)?;
+        if frozen {
+            embeddings = embeddings.detach();
+        }
         let (mut loss, mut losses) = self.objective.loss(&embeddings, share, done)?;
         if let Some(kept) = &self.kept
             && let Some(of_kept) = kept.loss(images, &embeddings, share)?
@@ -267,13 +271,10 @@ impl Trainer {
             loss = (loss + of_kept)?;
         }
         let store = self.encoder.backward(&loss)?;
-        let frozen = self.history.len() < self.config.frozen_epochs;
         let of_encoder = self.encoder.variables().map(|(_, variable)| {
-            match store.get(variable) {
-                // Adam does not move what never had a gradient.
-                Some(gradient) if !frozen => Ok(gradient.clone()),
-                _ => variable.zeros_like(),
-            }
+            // Adam does not move what never had a gradient.
+            let gradient = store.get(variable).cloned();
+            gradient.map_or_else(|| variable.zeros_like(), Ok)
         });
         let mut gradients: Vec<Tensor> = of_encoder.collect::<Result<_, _>>()?;
         gradients.extend(self.objective.gradients(&store)?);

@@ -40,6 +40,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let pretraining = Pretraining::read(&args.config, &args.settings)?;
     let world = World::new(&pretraining)?;
     let start = start(&pretraining)?;
+    let training = pretraining
+        .training
+        .clone()
+        .beginning(pretraining.start.is_none());
     let runs = PathBuf::from("runs").join(&pretraining.name);
     let images = FrameImages::new(world.len(), |image| {
         let frame = world.frame(image)?;
@@ -58,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             ..Targets::default()
         },
         parts: world.parts(pretraining.training.validation),
-        config: &pretraining.training,
+        config: &training,
         seed: pretraining.seed,
         key: blake3::hash(format!("{} {weight} {}", world.key(), sources()).as_bytes()),
     };

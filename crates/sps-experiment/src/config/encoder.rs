@@ -128,13 +128,17 @@ pub(super) fn encoder(
             layers.require(untouched, &at(field), why)?;
         }
     }
+    let begun = || {
+        let random = weights == WeightsSpec::Untrained;
+        encoder.training.clone().beginning(random)
+    };
     Ok(EncoderSpec {
+        training: encoder.trainable.then(begun),
         network,
         depths: encoder.depths.clone(),
         weights,
         precision,
         resize: (encoder.resize > 0).then_some(encoder.resize),
-        training: encoder.trainable.then(|| encoder.training.clone()),
     })
 }
 

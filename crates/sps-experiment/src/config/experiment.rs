@@ -235,6 +235,24 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn only_random_weights_are_normed_by_each_batch_unless_asked_for() {
+        for (keys, expected) in [
+            ("", true),
+            ("weights = \"untrained\"", false),
+            (
+                "weights = \"untrained\"\ntraining.running-statistics = true",
+                true,
+            ),
+            ("training.running-statistics = false", false),
+        ] {
+            let encoder = format!("[encoder]\ntrainable = true\n{keys}\n{METHOD}");
+            let encoder = &read(&encoder).unwrap().methods[0].encoder;
+            let training = encoder.training.as_ref().unwrap();
+            assert_eq!(training.running_statistics, Some(expected), "{keys}");
+        }
+    }
+
+    #[test]
     fn what_cannot_be_meant_is_refused_at_its_line() {
         refused("", &["lists no method"]);
         let above = |keys: &str, parts: &[&str]| refused(&format!("{keys}\n{METHOD}"), parts);

@@ -36,8 +36,8 @@ pub struct TrainingConfig {
     /// same bits.
     pub checkpointing: bool,
     /// Whether batch norm goes by the running statistics of the start rather than by each batch's own, which random
-    /// weights need. Default: yes.
-    pub running_statistics: bool,
+    /// weights need. Default: yes, unless [`TrainingConfig::beginning`] knows better.
+    pub running_statistics: Option<bool>,
     /// What feature maps and their gradients are made of while the encoder is trained: f32, or bf16, which
     /// takes half the memory. Its weights stay f32. Default: f32.
     pub precision: Precision,
@@ -169,7 +169,7 @@ impl Default for TrainingConfig {
             warmup: 0.05,
             clip_norm: None,
             checkpointing: false,
-            running_statistics: true,
+            running_statistics: None,
             precision: Precision::F32,
             validation: 0.1,
             patience: 0,
@@ -222,6 +222,13 @@ impl TrainingConfig {
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
         self.augmentation.check()
+    }
+
+    /// For a training that begins with `random` weights, or with others: says how batch norm goes where nothing does.
+    #[must_use]
+    pub fn beginning(mut self, random: bool) -> Self {
+        self.running_statistics.get_or_insert(!random);
+        self
     }
 
     /// Whether targets must hold what the encoder sees before it is trained.

@@ -105,7 +105,7 @@ impl Trainer {
         let data = state::hash(&targets, &parts)?;
         let encoder = TrainableEncoder::new(encoder)?.with_precision(config.precision)?;
         let encoder = encoder.with_checkpointing(config.checkpointing);
-        let encoder = encoder.with_running_statistics(config.running_statistics);
+        let encoder = encoder.with_running_statistics(config.running_statistics.unwrap_or(true));
         let blocks = encoder.blocks();
         let width = blocks.iter().map(|block| block.width).sum();
         let kept = targets.kept.clone();

@@ -79,7 +79,7 @@ impl Golden {
             warmup: 0.0,
             validation: 0.0,
             augmentation: Augmentation::STILL,
-            running_statistics: false,
+            running_statistics: Some(false),
             ..TrainingConfig::default()
         };
         let parts = parts(0..SURFACES, []);

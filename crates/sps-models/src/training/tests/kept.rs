@@ -55,7 +55,7 @@ fn moved(weight: Option<f64>) -> f64 {
         ..stripes.targets()
     };
     let config = TrainingConfig {
-        running_statistics: true,
+        running_statistics: Some(true),
         epochs: 4,
         ..config()
     };

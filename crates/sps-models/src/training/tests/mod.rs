@@ -88,7 +88,7 @@ fn config() -> TrainingConfig {
         },
         clip_norm: Some(5.0),
         // So that they move, and are part of a state.
-        running_statistics: false,
+        running_statistics: Some(false),
         augmentation: Augmentation {
             brightness: 0.0,
             contrast: 0.0,

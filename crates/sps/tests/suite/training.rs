@@ -13,6 +13,7 @@ fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
          --set data.simulated.size=32 --set encoder.name=squeezenet1-1 --set encoder.depths=last \
          --set encoder.weights=untrained --set encoder.training.epochs=2 --set head.epochs=2 \
          --set encoder.training.frozen-epochs=0 --set encoder.training.validation=0 \
+         --set encoder.training.patience=0 \
          --set cache.folder=@cache --set properties=[\"fRS\",\"mTX\"]",
     );
     command.set(more);

@@ -18,7 +18,7 @@ pub(super) struct KeptConv<W: Real> {
     /// What the norm is of, without a border.
     pub(super) raw: Value<W>,
     pub(super) norm: Norm,
-    /// The means of `raw` over space, `(frames, channels)`; perhaps none where nothing is squeezed.
+    /// The means of `raw` over space, `(frames, channels)`; may be empty where no gate reads them.
     pub(super) frame_means: Vec<f32>,
 }
 

@@ -105,8 +105,8 @@ impl Context {
         Ok(())
     }
 
-    /// The batch norm of a feature map, and the map's means over space, `(frames, channels)`, where they are `squeezed` or
-    /// come with the batch's statistics, which are noted where asked for.
+    /// The batch norm of a feature map, and the map's means over space, `(frames, channels)`: empty by running statistics,
+    /// unless the map is `squeezed`. The batch's statistics are noted where asked for.
     pub(super) fn norm<W: Real>(
         &self,
         layer: &str,

@@ -95,6 +95,7 @@ impl<W: Real> KeptResidual<W> {
         // mean's.
         let behind = means.iter().enumerate().map(|(i, mean)| {
             let (gate, mean) = (f64::from(self.factors[i]), f64::from(*mean));
+            // Empty only without a gate, where `mean` is 0.
             let squeezed = self.conv.frame_means.get(i);
             let offset = squeezed.map_or(0.0, |&m| f64::from(m) - wide(&norm.mean, i));
             let product = gate * sums.product[i] + mean * offset;

@@ -36,7 +36,7 @@ pub struct TrainingConfig {
     /// same bits.
     pub checkpointing: bool,
     /// Whether batch norm goes by the running statistics of the start rather than by each batch's own, which random
-    /// weights need. Default: yes, unless [`TrainingConfig::beginning`] knows better.
+    /// weights need. Default: yes, unless [`TrainingConfig::beginning`] is told of random weights.
     pub running_statistics: Option<bool>,
     /// What feature maps and their gradients are made of while the encoder is trained: f32, or bf16, which
     /// takes half the memory. Its weights stay f32. Default: f32.
@@ -224,7 +224,8 @@ impl TrainingConfig {
         self.augmentation.check()
     }
 
-    /// For a training that begins with `random` weights, or with others: says how batch norm goes where nothing does.
+    /// Fills in `running_statistics` where it is not given: no if training begins with `random` weights, yes if with
+    /// others.
     #[must_use]
     pub fn beginning(mut self, random: bool) -> Self {
         self.running_statistics.get_or_insert(!random);

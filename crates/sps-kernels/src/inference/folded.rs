@@ -101,12 +101,11 @@ impl Folded {
         } else {
             (None, 0.0)
         };
-        let pack = if self.of_images {
-            Conv::pack_for_images
-        } else if split {
-            Conv::pack_split
-        } else {
-            Conv::pack_for_inference
+        let pack = match (self.of_images, split) {
+            (true, true) => Conv::pack_split_for_images,
+            (true, false) => Conv::pack_for_images,
+            (false, true) => Conv::pack_split,
+            (false, false) => Conv::pack_for_inference,
         };
         Packed {
             conv: pack(level, self.shape, &self.weights),

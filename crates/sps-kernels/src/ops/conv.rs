@@ -97,7 +97,7 @@ pub(crate) struct Conv<W = f32> {
 enum Weights<W> {
     Images(Vec<(ImagePhase, Packed<W>)>),
     Maps(Packed<W>),
-    /// Of maps of f32, split in two of bf16.
+    /// Of images or maps of f32, split in two of bf16.
     Split(Split),
 }
 
@@ -138,13 +138,23 @@ impl<W: Word> Conv<W> {
 
     /// The same for maps of f32 that are [split](super::split) where that is worth it.
     pub(crate) fn pack_split(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
-        match Split::pack(level, shape, weights) {
-            Some(split) => Self {
-                shape,
-                weights: Weights::Split(split),
-                winograd: None,
-            },
-            None => Self::pack_for_inference(level, shape, weights),
+        let split = Split::pack(level, shape, weights);
+        let split = split.map(|split| Self::split(shape, split));
+        split.unwrap_or_else(|| Self::pack_for_inference(level, shape, weights))
+    }
+
+    /// The same for images.
+    pub(crate) fn pack_split_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        let split = Split::pack_for_images(level, shape, weights);
+        let split = split.map(|split| Self::split(shape, split));
+        split.unwrap_or_else(|| Self::pack_for_images(level, shape, weights))
+    }
+
+    const fn split(shape: ConvShape, split: Split) -> Self {
+        Self {
+            shape,
+            weights: Weights::Split(split),
+            winograd: None,
         }
     }
 

@@ -89,20 +89,39 @@ pub(super) fn pack<W: Word>(
 ) -> Vec<(Phase, Packed<W>)> {
     let words = W::of_weights(level, weights);
     let numbers = W::each(&words);
+    let phases = panels(level, shape, 1, |_, weight| numbers[weight]).into_iter();
+    let packed = phases.map(|(phase, panels)| (phase, Packed::Matrices(vec![panels])));
+    packed.collect()
+}
+
+/// The same as panels of so many runs for each row under the window: of `number(run, index of the weight)`.
+pub(super) fn panels<W: Word>(
+    level: Level,
+    shape: &ConvShape,
+    runs: usize,
+    number: impl Fn(usize, usize) -> W::Number + Sync,
+) -> Vec<(Phase, Panels<W>)> {
     let [time, height, width] = shape.window.size;
+    let rows = time * height;
     let panels = |phase: Phase| {
-        let runs = [time * height, phase.run::<W>(&shape.window)];
-        let panels = Panels::pack(level, runs, shape.outputs, |run, word, output| {
-            W::gathered(|i| {
-                let number = (W::NUMBERS * word + i).wrapping_sub(phase.offset);
-                let (pixel, channel) = (number / PIXEL, number % PIXEL);
-                if pixel >= width {
-                    return W::Number::zeroed();
-                }
-                numbers[((output * PIXEL + channel) * runs[0] + run) * width + pixel]
-            })
-        });
-        (phase, Packed::Matrices(vec![panels]))
+        let words = phase.run::<W>(&shape.window);
+        let panels = Panels::pack(
+            level,
+            [runs * rows, words],
+            shape.outputs,
+            |n, word, output| {
+                W::gathered(|i| {
+                    let place = (W::NUMBERS * word + i).wrapping_sub(phase.offset);
+                    let (pixel, channel) = (place / PIXEL, place % PIXEL);
+                    if pixel >= width {
+                        return W::Number::zeroed();
+                    }
+                    let row = (output * PIXEL + channel) * rows + n / runs;
+                    number(n % runs, row * width + pixel)
+                })
+            },
+        );
+        (phase, panels)
     };
     Phase::all::<W>(&shape.window).map(panels).collect()
 }

@@ -55,7 +55,7 @@ impl Lattice {
     }
 
     /// Those of its rows that lie within some of the output, counted over all frames.
-    fn rows_within(&self, rows: Range<usize>, output: Size) -> Range<usize> {
+    pub(super) fn rows_within(&self, rows: Range<usize>, output: Size) -> Range<usize> {
         let ([time, height, _], [times, heights, _]) = (output, self.count(output));
         let before = |row: usize| {
             let (frame, t, y) = (row / height / time, row / height % time, row % height);

@@ -10,37 +10,65 @@
 
 use half::bf16;
 
-use super::bands::{Threads, for_each_band, on_all_threads};
+use super::bands::{Band, Threads, for_each_band, on_all_threads};
 use super::buffer::Buffer;
 use super::conv::ConvShape;
-use super::grid::{Grid, Window, pixels};
+use super::grid::{Grid, Window, pixels, starts};
+use super::image::{self, Phase, rows_of_words};
 use super::panels::Panels;
 use super::phases::Lattice;
-use super::product::{Epilogue, Product};
-use super::simd::Level;
-use super::tiles::WORDS;
-use super::words::{Bf16Pair, Word, rounded};
+use super::product::{CACHE, Epilogue, Product};
+use super::simd::{Lanes, Level};
+use super::tiles::{HEIGHT, WORDS, compiled, deepest};
+use super::words::{Arithmetic, Bf16Pair, Word, WordKernel, rounded, vectors};
 
 /// Channels of a tile's row.
 const CHANNELS: usize = 2 * WORDS;
 
-/// Pixels that one thread splits at once.
-const PIXELS: usize = 512;
+/// Words of halves that one thread makes at once, but of no fewer pixels: each of those meets all of the weights.
+const NEAR: usize = CACHE / 4;
+const PIXELS: usize = 10 * HEIGHT;
 
-/// What of a number its nearest bf16 leaves; nothing of what is not finite.
-#[inline(always)]
-fn rest(number: f32) -> f32 {
-    let rest = number - Bf16Pair::widened(rounded(number));
-    if rest.is_nan() { 0.0 } else { rest }
+/// The upper half of a number or the lower one, which is 0 where the number is not finite.
+fn half(number: f32, lower: bool) -> bf16 {
+    let upper = rounded(number);
+    if !lower {
+        return upper;
+    }
+    let rest = number - Bf16Pair::widened(upper);
+    rounded(if rest.is_nan() { 0.0 } else { rest })
 }
 
-/// A convolution of maps of f32, with its weights laid out for tiles.
+/// A convolution of images or maps of f32, with its weights laid out for tiles.
 #[derive(Debug, Clone)]
 pub(crate) struct Split {
     level: Level,
     shape: ConvShape,
+    weights: Weights,
+}
+
+#[derive(Debug, Clone)]
+enum Weights {
     /// Of each group.
-    panels: Vec<Panels<Bf16Pair>>,
+    Maps(Vec<Panels<Bf16Pair>>),
+    Images(Vec<(Phase, Panels<Bf16Pair>)>),
+}
+
+/// Both halves of a map in memory, and where a window's runs begin.
+struct Halves<'a> {
+    memory: &'a [Bf16Pair],
+    grid: Grid,
+    taps: Vec<usize>,
+    /// How far behind the upper half of a run the lower one lies.
+    lower: usize,
+}
+
+/// Some columns, from one on, of the pixels of a lattice: sums over a map from a word on.
+struct Part<'a> {
+    lattice: Lattice,
+    word: usize,
+    column: usize,
+    panels: &'a Panels<Bf16Pair>,
 }
 
 impl Split {
@@ -58,22 +86,35 @@ impl Split {
         let panels = |group: usize| {
             let runs = [2 * taps, words(inputs)];
             Panels::pack(level, runs, outputs, |run, word, column| {
-                let (tap, half) = (run / 2, run % 2);
                 let output = group * outputs + column;
                 Bf16Pair::gathered(|i| {
                     let input = 2 * word + i;
                     if input >= inputs {
                         return bf16::ZERO;
                     }
-                    let weight = weights[(output * inputs + input) * taps + tap];
-                    rounded([weight, rest(weight)][half])
+                    let weight = (output * inputs + input) * taps + run / 2;
+                    half(weights[weight], run % 2 == 1)
                 })
             })
         };
         Some(Self {
             level,
             shape,
-            panels: (0..shape.groups).map(panels).collect(),
+            weights: Weights::Maps((0..shape.groups).map(panels).collect()),
+        })
+    }
+
+    /// The same of weights `(outputs, 3, time, height, width)`, for images that lie as [`super::image`] says.
+    pub(super) fn pack_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Option<Self> {
+        let deep = |phase: Phase| deepest(phase.run::<Bf16Pair>(&shape.window)).is_some();
+        if level.tiles().is_none() || !Phase::all::<Bf16Pair>(&shape.window).all(deep) {
+            return None;
+        }
+        let number = |run, weight: usize| half(weights[weight], run == 1);
+        Some(Self {
+            level,
+            shape,
+            weights: Weights::Images(image::panels(level, &shape, 2, number)),
         })
     }
 
@@ -86,71 +127,262 @@ impl Split {
         (target, to): (&mut [f32], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        let upper = words(self.shape.inputs);
-        let split = Grid {
-            before: from.before,
-            after: from.after,
-            ..Grid::tight(from.frames, from.size, 2 * upper)
-        };
-        let mut memory = Buffer::<Bf16Pair>::zeros(split.len());
-        self.split(threads, (source, from), (&mut memory, split.pitch));
-        let taps = split.taps(self.shape.window.size);
-        let [inputs, outputs] = [self.shape.group_inputs(), self.shape.group_outputs()];
-        for_each_band(threads, to, target, |band| {
-            let rows = band.rows(to);
-            let reach = Lattice::of_window(window, &split).reach(rows, &split, to);
-            for (group, panels) in self.panels.iter().enumerate() {
-                let column = group * outputs;
-                let product = Product {
-                    source: &memory[words(group * inputs)..],
-                    rows: &reach.starts,
-                    frame_rows: reach.places.len() / band.frames.len().max(1),
-                    taps: &taps,
-                    run: words(inputs),
-                    lower: Some(upper),
-                    panels: panels.all(),
-                    epilogue: epilogue.from(band.frames.start, column),
-                };
-                product.write_by_tiles(&mut band.target[column..], &reach.places, band.origin);
+        let target = (target, to);
+        match &self.weights {
+            Weights::Maps(groups) if pixels(window.size) == 1 => {
+                for_each_band(threads, to, target.0, |band| {
+                    let parts = self.parts(groups, window, from);
+                    self.write_pixels(&parts, (source, from), (band, to), epilogue);
+                });
             }
-        });
+            Weights::Maps(groups) => {
+                let lower = words(self.shape.inputs);
+                let grid = Grid {
+                    before: from.before,
+                    after: from.after,
+                    ..Grid::tight(from.frames, from.size, 2 * lower)
+                };
+                let numbers = self.shape.inputs;
+                let memory = self.split_all(threads, (source, from.pitch, numbers), 2 * lower);
+                let halves = Halves {
+                    memory: &memory,
+                    grid,
+                    taps: grid.taps(window.size),
+                    lower,
+                };
+                let parts = self.parts(groups, window, &grid);
+                halves.convolve(&parts, threads, target, epilogue);
+            }
+            Weights::Images(phases) => {
+                // A row of an image becomes a row of both halves.
+                let numbers = rows_of_words::<f32>(from).size[2];
+                let mut grid = rows_of_words::<Bf16Pair>(from);
+                let lower = grid.size[2];
+                grid.size[2] *= 2;
+                let memory = self.split_all(threads, (source, numbers, numbers), 2 * lower);
+                let [time, height, _] = window.size;
+                let halves = Halves {
+                    memory: &memory,
+                    grid,
+                    taps: grid.taps([time, height, 1]),
+                    lower,
+                };
+                let phases = phases.iter().map(|(phase, panels)| Part {
+                    lattice: phase.lattice(window, from),
+                    word: 0,
+                    column: 0,
+                    panels,
+                });
+                let parts: Vec<_> = phases.collect();
+                halves.convolve(&parts, threads, target, epilogue);
+            }
+        }
     }
 
-    /// Splits all pixels in memory, those of the border among them.
-    fn split(
+    /// The groups of a convolution of maps that lie like this.
+    fn parts<'a>(
+        &self,
+        groups: &'a [Panels<Bf16Pair>],
+        window: &Window,
+        from: &Grid,
+    ) -> Vec<Part<'a>> {
+        let [inputs, outputs] = [self.shape.group_inputs(), self.shape.group_outputs()];
+        let part = |(group, panels)| Part {
+            lattice: Lattice::of_window(window, from),
+            word: words(group * inputs),
+            column: group * outputs,
+            panels,
+        };
+        groups.iter().enumerate().map(part).collect()
+    }
+
+    /// Convolves by a window of one pixel. Pixels are split a few at a time, which then stay in the cache.
+    fn write_pixels(
+        &self,
+        parts: &[Part<'_>],
+        (source, from): (&[f32], &Grid),
+        (band, to): (Band<'_>, &Grid),
+        epilogue: Epilogue<'_>,
+    ) {
+        let numbers = self.shape.inputs;
+        let lower = words(numbers);
+        let Some(Part { lattice, .. }) = parts.first() else {
+            return;
+        };
+        let reach = lattice.reach(band.rows(to), from, to);
+        let all = reach.places.len().max(1);
+        let of_frame = match epilogue.per_frame() {
+            true => all.div_ceil(band.frames.len().max(1)),
+            false => all,
+        };
+        let count = (NEAR / (2 * lower)).max(PIXELS).min(of_frame);
+        let mut memory = Buffer::<Bf16Pair>::zeros(count * 2 * lower);
+        let rows = starts(count, 2 * lower);
+        let frames = reach.starts.chunks(of_frame);
+        let frames = frames.zip(reach.places.chunks(of_frame));
+        for (frame, (pixels, places)) in frames.enumerate() {
+            let epilogue = epilogue.from(band.frames.start + frame, 0);
+            for (pixels, places) in pixels.chunks(count).zip(places.chunks(count)) {
+                self.split((source, pixels, numbers), (&mut memory, 2 * lower));
+                let rows = &rows[..places.len()];
+                for part in parts {
+                    let (source, target) = (&memory[..], &mut *band.target);
+                    let product = part.product((source, rows), (&[0], lower), epilogue);
+                    product.write_by_tiles(&mut target[part.column..], places, band.origin);
+                }
+            }
+        }
+    }
+
+    /// Splits runs of so many numbers, of which one begins every `step` numbers; their halves lie `pitch` words apart.
+    fn split_all(
         &self,
         threads: Threads,
-        (source, from): (&[f32], &Grid),
-        (target, pitch): (&mut [Bf16Pair], usize),
-    ) {
-        // Words from one pixel of the source to the next, as `pitch` is of the target.
-        let (step, channels) = (from.pitch, self.shape.inputs);
-        let parts = source.chunks(PIXELS * step);
-        let parts = parts.zip(target.chunks_mut(PIXELS * pitch));
-        let split = |(source, target): (&[f32], &mut [Bf16Pair])| {
-            self.level.run(
-                #[inline(always)]
-                move || {
-                    let pixels = source.chunks(step);
-                    for (pixel, target) in pixels.zip(target.chunks_exact_mut(pitch)) {
-                        let numbers = Bf16Pair::each_mut(target);
-                        let (upper, lower) = numbers.split_at_mut(pitch);
-                        let pixel = &pixel[..channels];
-                        // One after the other, so that each loop becomes one over vectors.
-                        for (upper, number) in upper.iter_mut().zip(pixel) {
-                            *upper = rounded(*number);
-                        }
-                        for (lower, number) in lower.iter_mut().zip(pixel) {
-                            *lower = rounded(rest(*number));
-                        }
-                    }
-                },
-            );
+        (source, step, numbers): (&[f32], usize, usize),
+        pitch: usize,
+    ) -> Buffer<Bf16Pair> {
+        let runs = starts(source.len() / step, step);
+        let mut memory = Buffer::zeros(runs.len() * pitch);
+        let at_once = (NEAR / pitch).max(1);
+        let parts = runs.chunks(at_once);
+        let parts = parts.zip(memory.chunks_mut(at_once * pitch));
+        let split = |(runs, target): (&[usize], &mut [_])| {
+            self.split((source, runs, numbers), (target, pitch));
         };
         match threads {
             Threads::One => parts.for_each(split),
             Threads::All => on_all_threads(parts.collect(), split),
         }
+        memory
+    }
+
+    /// The same of runs that begin at these numbers.
+    fn split(
+        &self,
+        (source, starts, numbers): (&[f32], &[usize], usize),
+        (target, pitch): (&mut [Bf16Pair], usize),
+    ) {
+        let halve = Halve {
+            source,
+            starts,
+            numbers,
+            target,
+            pitch,
+        };
+        Bf16Pair::run(self.level, halve);
+    }
+}
+
+impl Halves<'_> {
+    /// Makes the pixels and columns of the parts.
+    fn convolve(
+        &self,
+        parts: &[Part<'_>],
+        threads: Threads,
+        (target, to): (&mut [f32], &Grid),
+        epilogue: Epilogue<'_>,
+    ) {
+        for_each_band(threads, to, target, |band| {
+            let epilogue = epilogue.from(band.frames.start, 0);
+            for part in parts {
+                let rows = part.lattice.rows_within(band.rows(to), to.size);
+                let reach = part.lattice.reach(rows, &self.grid, to);
+                let rows = (self.memory, &reach.starts[..]);
+                let product = Product {
+                    frame_rows: reach.places.len() / band.frames.len().max(1),
+                    ..part.product(rows, (&self.taps, self.lower), epilogue)
+                };
+                let target = &mut band.target[part.column..];
+                product.write_by_tiles(target, &reach.places, band.origin);
+            }
+        });
+    }
+}
+
+impl Part<'_> {
+    /// Of rows of halves, all of one frame.
+    fn product<'a>(
+        &'a self,
+        (source, rows): (&'a [Bf16Pair], &'a [usize]),
+        (taps, lower): (&'a [usize], usize),
+        epilogue: Epilogue<'a>,
+    ) -> Product<'a, Bf16Pair> {
+        Product {
+            source: &source[self.word..],
+            rows,
+            frame_rows: rows.len(),
+            taps,
+            run: self.panels.k / (2 * taps.len()),
+            lower: Some(lower),
+            panels: self.panels.all(),
+            epilogue: epilogue.from(0, self.column),
+        }
+    }
+}
+
+/// Splits runs of numbers that begin where it is told.
+struct Halve<'a> {
+    source: &'a [f32],
+    starts: &'a [usize],
+    numbers: usize,
+    target: &'a mut [Bf16Pair],
+    /// Words of both halves of a run.
+    pitch: usize,
+}
+
+impl WordKernel<Bf16Pair> for Halve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes, A: Arithmetic<S, Word = Bf16Pair>>(self, lanes: S, arithmetic: A) {
+        if !const { compiled::<S, A>() } {
+            return;
+        }
+        let whole = 2 * S::F32_LANES;
+        let runs = self.starts.iter();
+        for (start, target) in runs.zip(self.target.chunks_exact_mut(self.pitch)) {
+            let (upper, lower) = target.split_at_mut(self.pitch / 2);
+            let numbers = self.source[*start..][..self.numbers].chunks(whole);
+            let upper = upper.chunks_mut(S::F32_LANES);
+            let halves = upper.zip(lower.chunks_mut(S::F32_LANES));
+            for (numbers, (upper, lower)) in numbers.zip(halves) {
+                if numbers.len() == whole {
+                    halve::<S, A, true>(lanes, arithmetic, numbers, [upper, lower]);
+                } else {
+                    let words = Bf16Pair::words(numbers.len());
+                    let ends = [&mut upper[..words], &mut lower[..words]];
+                    halve::<S, A, false>(lanes, arithmetic, numbers, ends);
+                }
+            }
+        }
+    }
+}
+
+/// Splits the numbers of two vectors; `WHOLE` where there are as many.
+#[inline(always)]
+fn halve<S: Lanes, A: Arithmetic<S, Word = Bf16Pair>, const WHOLE: bool>(
+    lanes: S,
+    arithmetic: A,
+    numbers: &[f32],
+    [upper, lower]: [&mut [Bf16Pair]; 2],
+) {
+    let mut rests = vectors::<S, 2, WHOLE>(lanes, numbers);
+    if WHOLE {
+        arithmetic.store(lanes, rests, upper);
+    } else {
+        arithmetic.store_part(lanes, rests, upper);
+    }
+    let uppers = arithmetic.read::<2, WHOLE>(lanes, upper);
+    // No closure: one that is not inlined is compiled without the instructions.
+    for (rest, upper) in rests.iter_mut().zip(uppers) {
+        let left = lanes.sub_f32s(*rest, upper);
+        let finite = lanes.equal_f32s(left, left);
+        *rest = lanes.select_f32s(finite, left, lanes.splat_f32s(0.0));
+    }
+    if WHOLE {
+        arithmetic.store(lanes, rests, lower);
+    } else {
+        arithmetic.store_part(lanes, rests, lower);
     }
 }
 

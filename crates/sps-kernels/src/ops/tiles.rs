@@ -60,11 +60,17 @@ impl Plan {
     /// None where the machine has no tiles, or a tile would do too little at once.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
         let kind = product.panels.level.tiles().filter(|_| W::NUMBERS > 1)?;
-        // The deepest that a run is a multiple of.
-        let divides = |depth: &usize| product.run.is_multiple_of(*depth);
-        let depth = (SHALLOWEST..=WORDS).rev().find(divides)?;
-        Some(Self { kind, depth })
+        Some(Self {
+            kind,
+            depth: deepest(product.run)?,
+        })
     }
+}
+
+/// Words of a tile's row at most, of which a run of so many is a multiple; none where a tile would do too little.
+pub(super) fn deepest(run: usize) -> Option<usize> {
+    let divides = |depth: &usize| run.is_multiple_of(*depth);
+    (SHALLOWEST..=WORDS).rev().find(divides)
 }
 
 /// Whether walks over tiles are compiled for such vectors: where none has tiles beside it, they would take long to
@@ -508,32 +514,51 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
             let left = [&upper.memory[above + at..], &lower.memory[below + at..]];
             let rows = [upper.step, lower.step];
             steps -= 1;
+            let mut loaded = false;
             if let (Some(above), Some(below)) = (upper.lower, lower.lower) {
-                // Both halves of the left by the upper ones of the right, then the upper ones by the lower.
+                // Lower halves by upper ones, upper by upper, upper by lower: each is loaded once.
                 let behind = [&left[0][above..], &left[1][below..]];
-                add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, false), |_| ());
-                add::<W, T, H, V>(tiles, (behind, rows), (right, width, lanes, true), |_| ());
+                add::<W, T, H, V>(
+                    tiles,
+                    (behind, rows, false),
+                    (right, width, lanes, false),
+                    |_| (),
+                );
+                add::<W, T, H, V>(
+                    tiles,
+                    (left, rows, false),
+                    (right, width, lanes, true),
+                    |_| (),
+                );
                 right = &panel[words + at * width..][..depth * width];
+                loaded = true;
             }
             let last = steps == 0;
-            add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, false), |half| {
-                if last {
-                    meanwhile(half);
-                }
-            });
+            add::<W, T, H, V>(
+                tiles,
+                (left, rows, loaded),
+                (right, width, lanes, false),
+                |half| {
+                    if last {
+                        meanwhile(half);
+                    }
+                },
+            );
         }
     }
 }
 
-/// Adds the products of two tiles of the left and two of the right, which may be loaded already.
+/// Adds the products of two tiles of the left and two of the right, each of which may be loaded already.
 #[inline(always)]
 fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
-    (left, rows): ([&[W]; 2], [usize; 2]),
+    (left, rows, left_loaded): ([&[W]; 2], [usize; 2], bool),
     (right, width, lanes, loaded): (&[W], usize, usize, bool),
     mut meanwhile: impl FnMut(usize),
 ) {
-    tiles.load::<4>(left[0], rows[0]);
+    if !left_loaded {
+        tiles.load::<4>(left[0], rows[0]);
+    }
     if !loaded {
         tiles.load::<6>(right, width);
     }
@@ -546,7 +571,9 @@ fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
         tiles.multiply_add::<1, 4, 7>();
     }
     if H == 2 {
-        tiles.load::<5>(left[1], rows[1]);
+        if !left_loaded {
+            tiles.load::<5>(left[1], rows[1]);
+        }
         tiles.multiply_add::<2, 5, 6>();
     }
     meanwhile(1);

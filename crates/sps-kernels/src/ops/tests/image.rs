@@ -5,7 +5,8 @@ use crate::ops::bands::inside_pool;
 use crate::ops::conv_weight::weight_gradient_of_images;
 use crate::ops::image::rows_of_words;
 
-/// Two images or sequences; windows one to seven pixels wide, whose places lie one to four pixels apart.
+/// Two images or sequences; windows one to eleven pixels wide, whose places lie one to four pixels apart. A row under the
+/// widest is of 17 pairs, which no tile divides.
 pub(super) fn cases() -> Vec<Case> {
     let case = |size, window| Case::new(2, size, [3, 32, 1], window);
     let lopsided = Window {
@@ -18,6 +19,7 @@ pub(super) fn cases() -> Vec<Case> {
         case([1, 9, 8], Window::square(3, 1, 1)),
         case([1, 11, 13], Window::square(5, 3, 2)),
         case([1, 8, 12], Window::square(4, 4, 0)),
+        case([1, 13, 15], Window::square(11, 4, 2)),
         case([1, 6, 5], Window::square(1, 1, 0)),
         case([1, 10, 11], lopsided),
         case([3, 7, 10], Window::same([3, 5, 5], [1, 2, 2], [3, 7, 10])),

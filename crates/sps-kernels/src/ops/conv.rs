@@ -139,23 +139,21 @@ impl<W: Word> Conv<W> {
     /// The same for maps of f32 that are [split](super::split) where that is worth it.
     pub(crate) fn pack_split(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let split = Split::pack(level, shape, weights);
-        let split = split.map(|split| Self::split(shape, split));
-        split.unwrap_or_else(|| Self::pack_for_inference(level, shape, weights))
+        Self::of_split(split, || Self::pack_for_inference(level, shape, weights))
     }
 
     /// The same for images.
     pub(crate) fn pack_split_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let split = Split::pack_for_images(level, shape, weights);
-        let split = split.map(|split| Self::split(shape, split));
-        split.unwrap_or_else(|| Self::pack_for_images(level, shape, weights))
+        Self::of_split(split, || Self::pack_for_images(level, shape, weights))
     }
 
-    const fn split(shape: ConvShape, split: Split) -> Self {
-        Self {
-            shape,
+    fn of_split(split: Option<Split>, unsplit: impl FnOnce() -> Self) -> Self {
+        split.map_or_else(unsplit, |split| Self {
+            shape: split.shape,
             weights: Weights::Split(split),
             winograd: None,
-        }
+        })
     }
 
     /// Winograd's form, for maps of such a size.

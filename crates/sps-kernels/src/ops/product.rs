@@ -563,11 +563,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
             let sum = arithmetic.numbers(lanes, ended[v]);
             ended[v] = self.apply_some::<A, LIMITS>(lanes, arithmetic, v, sum, stored[v]);
         }
-        if WHOLE {
-            arithmetic.store(lanes, ended, out);
-        } else {
-            arithmetic.store_part(lanes, ended, out);
-        }
+        arithmetic.write::<NV, WHOLE>(lanes, ended, out);
     }
 
     /// What is stored of the numbers of one vector by so many of the limits, where `stored` is stored already.

@@ -25,7 +25,7 @@ use super::words::{Arithmetic, Bf16Pair, Word, WordKernel, rounded, vectors};
 /// Channels of a tile's row.
 const CHANNELS: usize = 2 * WORDS;
 
-/// Words of halves that one thread makes at once, but of no fewer pixels: each of those meets all of the weights.
+/// Words of halves that one thread makes at once, and pixels at least, since the weights are read anew for so many.
 const NEAR: usize = CACHE / 4;
 const PIXELS: usize = 10 * HEIGHT;
 
@@ -43,7 +43,7 @@ fn half(number: f32, lower: bool) -> bf16 {
 #[derive(Debug, Clone)]
 pub(crate) struct Split {
     level: Level,
-    shape: ConvShape,
+    pub(super) shape: ConvShape,
     weights: Weights,
 }
 
@@ -54,7 +54,7 @@ enum Weights {
     Images(Vec<(Phase, Panels<Bf16Pair>)>),
 }
 
-/// Both halves of a map in memory, and where a window's runs begin.
+/// Both halves of a map or of images in memory, and where a window's runs begin.
 struct Halves<'a> {
     memory: &'a [Bf16Pair],
     grid: Grid,
@@ -63,7 +63,7 @@ struct Halves<'a> {
     lower: usize,
 }
 
-/// Some columns, from one on, of the pixels of a lattice: sums over a map from a word on.
+/// Columns of the output from `column` on, at the pixels of a lattice: sums over the source's halves from `word` on.
 struct Part<'a> {
     lattice: Lattice,
     word: usize,
@@ -266,7 +266,7 @@ impl Split {
 }
 
 impl Halves<'_> {
-    /// Makes the pixels and columns of the parts.
+    /// Writes all parts of the output.
     fn convolve(
         &self,
         parts: &[Part<'_>],
@@ -292,7 +292,7 @@ impl Halves<'_> {
 }
 
 impl Part<'_> {
-    /// Of rows of halves, all of one frame.
+    /// The product that writes it, of rows that begin at these words, all of one frame.
     fn product<'a>(
         &'a self,
         (source, rows): (&'a [Bf16Pair], &'a [usize]),
@@ -312,7 +312,7 @@ impl Part<'_> {
     }
 }
 
-/// Splits runs of numbers that begin where it is told.
+/// Splits runs of so many numbers, one from each of `starts` on.
 struct Halve<'a> {
     source: &'a [f32],
     starts: &'a [usize],
@@ -359,11 +359,7 @@ fn halve<S: Lanes, A: Arithmetic<S, Word = Bf16Pair>, const WHOLE: bool>(
     [upper, lower]: [&mut [Bf16Pair]; 2],
 ) {
     let mut rests = vectors::<S, 2, WHOLE>(lanes, numbers);
-    if WHOLE {
-        arithmetic.store(lanes, rests, upper);
-    } else {
-        arithmetic.store_part(lanes, rests, upper);
-    }
+    arithmetic.write::<2, WHOLE>(lanes, rests, upper);
     let uppers = arithmetic.read::<2, WHOLE>(lanes, upper);
     // No closure: one that is not inlined is compiled without the instructions.
     for (rest, upper) in rests.iter_mut().zip(uppers) {
@@ -371,11 +367,7 @@ fn halve<S: Lanes, A: Arithmetic<S, Word = Bf16Pair>, const WHOLE: bool>(
         let finite = lanes.equal_f32s(left, left);
         *rest = lanes.select_f32s(finite, left, lanes.splat_f32s(0.0));
     }
-    if WHOLE {
-        arithmetic.store(lanes, rests, lower);
-    } else {
-        arithmetic.store_part(lanes, rests, lower);
-    }
+    arithmetic.write::<2, WHOLE>(lanes, rests, lower);
 }
 
 /// Words of one half of so many channels.

@@ -67,7 +67,7 @@ impl Plan {
     }
 }
 
-/// Words of a tile's row at most, of which a run of so many is a multiple; none where a tile would do too little.
+/// The most words of a tile's row that divide a run of so many; none where that is fewer than [`SHALLOWEST`].
 pub(super) fn deepest(run: usize) -> Option<usize> {
     let divides = |depth: &usize| run.is_multiple_of(*depth);
     (SHALLOWEST..=WORDS).rev().find(divides)
@@ -510,65 +510,64 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     for ((&above, &below), panel) in taps.zip(panel.chunks_exact(halves * words)) {
         for step in 0..run / depth {
             let at = step * depth;
-            let mut right = &panel[at * width..][..depth * width];
+            let right = |run: usize| (&panel[run * words + at * width..][..depth * width], width);
             let left = [&upper.memory[above + at..], &lower.memory[below + at..]];
             let rows = [upper.step, lower.step];
             steps -= 1;
-            let mut loaded = false;
+            load_right::<W, T, V>(tiles, right(0), lanes);
             if let (Some(above), Some(below)) = (upper.lower, lower.lower) {
                 // Lower halves by upper ones, upper by upper, upper by lower: each is loaded once.
-                let behind = [&left[0][above..], &left[1][below..]];
-                add::<W, T, H, V>(
-                    tiles,
-                    (behind, rows, false),
-                    (right, width, lanes, false),
-                    |_| (),
-                );
-                add::<W, T, H, V>(
-                    tiles,
-                    (left, rows, false),
-                    (right, width, lanes, true),
-                    |_| (),
-                );
-                right = &panel[words + at * width..][..depth * width];
-                loaded = true;
+                load_left::<W, T, H>(tiles, [&left[0][above..], &left[1][below..]], rows);
+                add::<W, T, H, V>(tiles, |_| ());
+                load_left::<W, T, H>(tiles, left, rows);
+                add::<W, T, H, V>(tiles, |_| ());
+                load_right::<W, T, V>(tiles, right(1), lanes);
+            } else {
+                load_left::<W, T, H>(tiles, left, rows);
             }
             let last = steps == 0;
-            add::<W, T, H, V>(
-                tiles,
-                (left, rows, loaded),
-                (right, width, lanes, false),
-                |half| {
-                    if last {
-                        meanwhile(half);
-                    }
-                },
-            );
+            add::<W, T, H, V>(tiles, |half| {
+                if last {
+                    meanwhile(half);
+                }
+            });
         }
     }
 }
 
-/// Adds the products of two tiles of the left and two of the right, each of which may be loaded already. All are loaded
-/// before the first product: where a core's other thread computes too, that is a tenth faster than one by one.
+/// Loads `H` tiles of the left.
+#[inline(always)]
+fn load_left<W: Word, T: Tiles<W>, const H: usize>(
+    tiles: &mut T,
+    left: [&[W]; 2],
+    rows: [usize; 2],
+) {
+    tiles.load::<4>(left[0], rows[0]);
+    if H == 2 {
+        tiles.load::<5>(left[1], rows[1]);
+    }
+}
+
+/// Loads `V` tiles of the right.
+#[inline(always)]
+fn load_right<W: Word, T: Tiles<W>, const V: usize>(
+    tiles: &mut T,
+    (right, width): (&[W], usize),
+    lanes: usize,
+) {
+    tiles.load::<6>(right, width);
+    if V == 2 {
+        tiles.load::<7>(&right[lanes..], width);
+    }
+}
+
+/// Adds the products of the tiles that are loaded. All are loaded before the first product: where a core's other thread
+/// computes too, that is a tenth faster than one by one.
 #[inline(always)]
 fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
-    (left, rows, left_loaded): ([&[W]; 2], [usize; 2], bool),
-    (right, width, lanes, loaded): (&[W], usize, usize, bool),
     mut meanwhile: impl FnMut(usize),
 ) {
-    if !left_loaded {
-        tiles.load::<4>(left[0], rows[0]);
-    }
-    if !loaded {
-        tiles.load::<6>(right, width);
-    }
-    if !loaded && V == 2 {
-        tiles.load::<7>(&right[lanes..], width);
-    }
-    if !left_loaded && H == 2 {
-        tiles.load::<5>(left[1], rows[1]);
-    }
     tiles.multiply_add::<0, 4, 6>();
     meanwhile(0);
     if V == 2 {

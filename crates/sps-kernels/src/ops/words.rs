@@ -481,6 +481,21 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
         self.store(lanes, values, filled);
         to.copy_from_slice(&whole[..to.len()]);
     }
+
+    /// Writes `NV` vectors of numbers; `WHOLE` if there is room for as many, else those there is room for.
+    #[inline(always)]
+    fn write<const NV: usize, const WHOLE: bool>(
+        self,
+        lanes: S,
+        values: [S::f32s; NV],
+        to: &mut [Self::Word],
+    ) {
+        if WHOLE {
+            self.store(lanes, values, to);
+        } else {
+            self.store_part(lanes, values, to);
+        }
+    }
 }
 
 /// Words of the longest row that is loaded or stored at once.

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::inference::Scale;
 use crate::ops::bands::{Band, Threads, for_each_band};
 use crate::ops::grid::{Grid, Size};
-use crate::ops::image::rows_of_words;
+use crate::ops::image::{CELL, Layout, PIXEL};
 use crate::ops::simd::{Kernel, Lanes, Level};
 use crate::ops::words::Word;
 
@@ -110,22 +110,23 @@ impl<'a> Images<'a> {
     }
 }
 
-/// Lays one of the images out, scaled, as `grid` says of a single frame and [`crate::ops::image`] of its rows; around
-/// it lies what stands for 0.
+/// Lays one of the images out, scaled, as `grid` says of a single frame and `layout` of its pixels; around it lies what
+/// stands for 0.
 pub(crate) fn lay_out<W: Word>(
     (threads, level): (Threads, Level),
     image: &[f32],
     images: &Images<'_>,
-    (out, grid): (&mut [W], &Grid),
+    (out, grid, layout): (&mut [W], &Grid, Layout),
     scale: Scale,
 ) {
-    let memory = rows_of_words::<W>(grid);
+    let memory = layout.memory::<W>(grid);
     memory.fill_border(out, W::of(|_| scale.zero));
     for_each_band(threads, &memory, out, |band| {
         level.run(LayOut {
             image,
             images,
             grid,
+            layout,
             band,
             scale,
         });
@@ -137,6 +138,7 @@ struct LayOut<'a, 'b, W> {
     image: &'a [f32],
     images: &'a Images<'a>,
     grid: &'a Grid,
+    layout: Layout,
     band: Band<'b, W>,
     scale: Scale,
 }
@@ -147,38 +149,69 @@ impl<W: Word> Kernel for LayOut<'_, '_, W> {
     // As in `ops`.
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
+    fn run<S: Lanes>(mut self, _: S) {
+        let target = std::mem::take(&mut self.band.target);
+        let memory = self.layout.memory::<W>(self.grid);
+        let words = memory.size[2] * memory.pitch;
+        let height = self.grid.size[1];
+        let mut numbers = vec![self.scale.zero; W::NUMBERS * words];
+        let mut line = vec![W::default(); words];
+        for row in self.band.rows(&memory) {
+            let first = memory.row_start(row) - self.band.origin;
+            let out = &mut target[first..][..words];
+            if self.layout == Layout::Rows {
+                self.write(row, &mut numbers, out);
+                continue;
+            }
+            let (time, row) = (row / memory.size[1], row % memory.size[1]);
+            for within in 0..CELL {
+                let inside = (CELL * row + within).checked_sub(self.grid.before[1]);
+                if let Some(row) = inside.filter(|row| *row < height) {
+                    self.write(time * height + row, &mut numbers, &mut line);
+                } else {
+                    line.fill(W::of(|_| self.scale.zero));
+                }
+                let (parts, _) = W::each(&line).as_chunks::<{ CELL * PIXEL }>();
+                let (places, _) = W::each_mut(out).as_chunks_mut::<{ CELL * PIXEL }>();
+                let places = places.iter_mut().skip(within).step_by(CELL);
+                for (place, part) in places.zip(parts) {
+                    *place = *part;
+                }
+            }
+        }
+    }
+}
+
+impl<W: Word> LayOut<'_, '_, W> {
+    /// Writes a row of the image with the padding beside it, by way of its numbers.
+    // As in `ops`.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn write(&self, row: usize, numbers: &mut [f32], out: &mut [W]) {
         let [time, height, width] = self.grid.size;
-        let memory = rows_of_words::<W>(self.grid);
-        let words = memory.size[2];
         let plane = time * height * width;
         let Normalisation { mean, std } = self.images.normalisation.scaled(self.scale);
-        let mut numbers = vec![self.scale.zero; W::NUMBERS * words];
-        for row in self.band.rows(&memory) {
-            let (pixels, _) = numbers[3 * self.grid.before[2]..][..3 * width].as_chunks_mut();
-            match self.images.order {
-                Order::Planes => {
-                    let [red, green, blue] = [0, 1, 2]
-                        .map(|channel| &self.image[channel * plane + row * width..][..width]);
-                    for (x, pixel) in pixels.iter_mut().enumerate() {
-                        *pixel = [red[x], green[x], blue[x]];
-                    }
-                }
-                Order::Pixels => {
-                    let (values, _) = self.image[3 * row * width..][..3 * width].as_chunks::<3>();
-                    pixels.copy_from_slice(values);
+        let (pixels, _) = numbers[PIXEL * self.grid.before[2]..][..PIXEL * width].as_chunks_mut();
+        match self.images.order {
+            Order::Planes => {
+                let [red, green, blue] =
+                    [0, 1, 2].map(|channel| &self.image[channel * plane + row * width..][..width]);
+                for (x, pixel) in pixels.iter_mut().enumerate() {
+                    *pixel = [red[x], green[x], blue[x]];
                 }
             }
-            for pixel in pixels {
-                for channel in 0..3 {
-                    pixel[channel] = (pixel[channel] - mean[channel]) / std[channel];
-                }
+            Order::Pixels => {
+                let row = &self.image[PIXEL * row * width..][..PIXEL * width];
+                pixels.copy_from_slice(row.as_chunks().0);
             }
-            let first = memory.row_start(row) - self.band.origin;
-            let out = &mut self.band.target[first..][..words];
-            for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
-                *word = W::of(|i| numbers[i]);
+        }
+        for pixel in pixels {
+            for channel in 0..PIXEL {
+                pixel[channel] = (pixel[channel] - mean[channel]) / std[channel];
             }
+        }
+        for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i]);
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::grid::{Grid, Size};
-use crate::ops::image::rows_of_words;
+use crate::ops::image::Layout;
 use crate::ops::pool::max_pool;
 use crate::ops::product::{Columns, Epilogue};
 use crate::ops::simd::Level;
@@ -34,6 +34,8 @@ pub(super) struct Fused<W> {
     /// Whether numbers of f32 are [split](crate::ops::split).
     split: bool,
     pub(super) network: Network,
+    /// Of images in memory.
+    layout: Layout,
     steps: Vec<Step<W>>,
     slots: Slots,
     /// Of each map.
@@ -110,6 +112,7 @@ impl<W: Word> Fused<W> {
             level,
             split,
             network: network.clone(),
+            layout: Layout::of::<W>(level, network.image_stride()),
             steps: Vec::new(),
             slots: Slots::new(network),
             scales: scales.unwrap_or_else(unit),
@@ -232,10 +235,10 @@ impl<W: Word> Fused<W> {
         slots: &mut [Slot<W>],
     ) {
         let Slot { memory, border } = &mut slots[self.slots.of[IMAGE]];
-        memory.resize(rows_of_words::<W>(grid).len());
+        memory.resize(self.layout.memory::<W>(grid).len());
         *border = None;
         let (by, scale) = ((threads, self.level), self.scales[IMAGE]);
-        lay_out(by, image, images, (memory, grid), scale);
+        lay_out(by, image, images, (memory, grid, self.layout), scale);
     }
 
     /// Makes room for a map, with a border of what stands for 0.

@@ -310,6 +310,13 @@ impl Network {
         Ok(self)
     }
 
+    /// Pixels from one place of the window over the images to the next.
+    pub(crate) fn image_stride(&self) -> Size {
+        let mut slides = self.layers.iter().flat_map(Layer::slides);
+        let reader = slides.find(|(map, _)| *map == IMAGE);
+        reader.map_or([1; 3], |(_, slide)| slide.window([1; 3]).stride)
+    }
+
     /// Adds a convolution of a map.
     pub fn conv(&mut self, input: Map, conv: Conv) -> Map {
         let conv = self.reading(input, conv);

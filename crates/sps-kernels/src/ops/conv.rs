@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::bands::Threads;
 use super::grid::{Grid, Size, Window, pixels};
-use super::image::{self, Phase as ImagePhase, rows_of_words};
+use super::image::{self, Layout, Phase as ImagePhase, rows_of_words};
 use super::panels::PANEL_VECTORS;
 use super::phases::{Lattice, Packed, Phase, convolve};
 use super::product::Epilogue;
@@ -96,6 +96,8 @@ pub(crate) struct Conv<W = f32> {
 #[derive(Debug, Clone)]
 enum Weights<W> {
     Images(Vec<(ImagePhase, Packed<W>)>),
+    /// Of images in cells.
+    Cells(ConvShape, Packed<W>),
     Maps(Packed<W>),
     /// Of images or maps of f32, split in two of bf16.
     Split(Split),
@@ -109,21 +111,25 @@ impl<W: Word> Conv<W> {
         if let Some((shape, weights)) = shape.joined::<W>(level, weights) {
             return Self::pack(level, shape, &weights);
         }
-        let taps: Vec<usize> = (0..pixels(shape.window.size)).collect();
-        let words = W::of_weights(level, weights);
-        let packed = Packed::pack(level, &shape, &taps, (weights, &words), false);
         Self {
             shape,
-            weights: Weights::Maps(packed),
+            weights: Weights::Maps(pack_for_maps(level, &shape, weights)),
             winograd: None,
         }
     }
 
-    /// Packs weights `(outputs, 3, time, height, width)`, for images that lie as [`super::image`] says.
+    /// Packs weights `(outputs, 3, time, height, width)`, for images that lie as [`Layout::of`] says.
     pub(crate) fn pack_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        let weights = match Layout::of::<W>(level, shape.window.stride) {
+            Layout::Rows => Weights::Images(image::pack(level, &shape, weights)),
+            Layout::Cells => {
+                let (cells, weights) = image::of_cells(&shape, weights);
+                Weights::Cells(cells, pack_for_maps(level, &cells, &weights))
+            }
+        };
         Self {
             shape,
-            weights: Weights::Images(image::pack(level, &shape, weights)),
+            weights,
             winograd: None,
         }
     }
@@ -218,12 +224,14 @@ impl<W: Word> Conv<W> {
                 let phases: Vec<_> = phases.collect();
                 convolve(&phases, threads, (source, &rows), (target, to), epilogue);
             }
+            Weights::Cells(shape, packed) => {
+                let from = Layout::Cells.memory::<W>(from);
+                let window = image::cell_window(window);
+                let phase = of_map(shape, &window, &from, packed);
+                convolve(&[phase], threads, (source, &from), (target, to), epilogue);
+            }
             Weights::Maps(packed) => {
-                let phase = Phase {
-                    lattice: Lattice::of_window(window, from),
-                    taps: from.taps(self.shape.runs(from)),
-                    packed,
-                };
+                let phase = of_map(&self.shape, window, from, packed);
                 convolve(&[phase], threads, (source, from), (target, to), epilogue);
             }
             Weights::Split(split) => {
@@ -232,5 +240,25 @@ impl<W: Word> Conv<W> {
                 split.apply(window, threads, source, target, epilogue);
             }
         }
+    }
+}
+
+fn pack_for_maps<W: Word>(level: Level, shape: &ConvShape, weights: &[f32]) -> Packed<W> {
+    let taps: Vec<usize> = (0..pixels(shape.window.size)).collect();
+    let words = W::of_weights(level, weights);
+    Packed::pack(level, shape, &taps, (weights, &words), false)
+}
+
+/// The only phase of a convolution of a map.
+fn of_map<'a, W: Word>(
+    shape: &ConvShape,
+    window: &Window,
+    from: &Grid,
+    packed: &'a Packed<W>,
+) -> Phase<'a, W> {
+    Phase {
+        lattice: Lattice::of_window(window, from),
+        taps: from.taps(shape.runs(from)),
+        packed,
     }
 }

@@ -3,18 +3,95 @@
 //! A row of an image begins at a word and has the padding of its only reader in it. A row under the window is one run
 //! of numbers, which may begin within a word: how far within, repeats along a row of the output. Pixels that have it in
 //! common are a phase, whose weights lie as far within their words.
+//!
+//! Where matrix tiles multiply bytes, they would be all but empty. For windows of stride 2 images then lie in [cells] of
+//! 2 x 2 pixels, a map like any other, over which a window of half the size moves cell by cell.
+//!
+//! [cells]: Layout::Cells
 
 use bytemuck::Zeroable;
 
 use super::conv::ConvShape;
-use super::grid::{Grid, Window};
+use super::grid::{Grid, Size, Window, pixels};
 use super::panels::Panels;
 use super::phases::{Lattice, Packed};
 use super::simd::Level;
 use super::words::Word;
 
 /// Numbers of a pixel.
-pub(super) const PIXEL: usize = 3;
+pub(crate) const PIXEL: usize = 3;
+
+/// Pixels along each side of a cell.
+pub(crate) const CELL: usize = 2;
+
+/// How images lie in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// Row by row.
+    Rows,
+    /// In cells of 2 x 2 pixels, row by row in each; the padding is in them.
+    Cells,
+}
+
+impl Layout {
+    /// For inference by a window that moves in such steps.
+    pub(crate) fn of<W: Word>(level: Level, [_, down, right]: Size) -> Self {
+        if W::WHOLE && level.tiles().is_some() && [down, right] == [CELL; 2] {
+            Self::Cells
+        } else {
+            Self::Rows
+        }
+    }
+
+    /// Images as a map, of words or of cells.
+    pub(crate) fn memory<W: Word>(self, images: &Grid) -> Grid {
+        if self == Self::Rows {
+            return rows_of_words::<W>(images);
+        }
+        let [height, width] = [1, 2].map(|axis| images.extent(axis).div_ceil(CELL));
+        let cells = Grid::tight(
+            images.frames,
+            [images.size[0], height, width],
+            CELL * CELL * PIXEL,
+        );
+        Grid {
+            before: [images.before[0], 0, 0],
+            after: [images.after[0], 0, 0],
+            ..cells.of::<W>()
+        }
+    }
+}
+
+/// A window of stride 2 over images as one over their cells.
+pub(super) fn cell_window(window: &Window) -> Window {
+    let [time, height, width] = window.size;
+    Window {
+        size: [time, height.div_ceil(CELL), width.div_ceil(CELL)],
+        stride: [window.stride[0], 1, 1],
+        before: [window.before[0], 0, 0],
+        after: [window.after[0], 0, 0],
+    }
+}
+
+/// A convolution of images of stride 2 and its weights as one of their cells.
+pub(super) fn of_cells(shape: &ConvShape, weights: &[f32]) -> (ConvShape, Vec<f32>) {
+    let [time, height, width] = shape.window.size;
+    let cells = ConvShape {
+        window: cell_window(&shape.window),
+        inputs: CELL * CELL * PIXEL,
+        ..*shape
+    };
+    let [_, rows, columns] = cells.window.size;
+    let mut of_cells = vec![0.0; shape.outputs * cells.inputs * pixels(cells.window.size)];
+    for (i, &weight) in weights.iter().enumerate() {
+        let (x, y, rest) = (i % width, i / width % height, i / width / height);
+        let (t, channel, output) = (rest % time, rest / time % PIXEL, rest / time / PIXEL);
+        let number = (y % CELL * CELL + x % CELL) * PIXEL + channel;
+        let plane = (output * cells.inputs + number) * time + t;
+        of_cells[(plane * rows + y / CELL) * columns + x / CELL] = weight;
+    }
+    (cells, of_cells)
+}
 
 /// The rows of images of such a layout, as a map whose pixels are words.
 pub(crate) fn rows_of_words<W: Word>(images: &Grid) -> Grid {

@@ -218,7 +218,7 @@ impl<W: Word> Product<'_, W> {
     }
 
     /// Words of the source for each row, of which windows that overlap share some.
-    fn row_words(&self) -> usize {
+    pub(super) fn row_words(&self) -> usize {
         let span = match self.rows {
             [first, .., last] => last.abs_diff(*first) / (self.rows.len() - 1),
             _ => self.panels.k,

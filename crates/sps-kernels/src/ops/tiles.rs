@@ -17,6 +17,7 @@
 
 use std::ops::Range;
 
+use super::buffer::LINE;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel};
 use super::product::{CACHE, Epilogue, Finish, Product};
@@ -283,12 +284,13 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
             count.max(1)
         };
         // Either panels, rows and what is written stay in the first-level cache, or rows stay in the second and each
-        // panel meets them.
-        let n = product.panels.n;
-        let rows = if k * n <= SMALL {
-            NEAR / (k + W::words(n))
+        // panel, brought near while the one before it is multiplied, meets them.
+        let (n, words) = (product.panels.n, product.row_words());
+        let streamed = k * n > SMALL;
+        let rows = if streamed {
+            CACHE / words
         } else {
-            CACHE / k
+            NEAR / (words + W::words(n))
         };
         let block = rows.div_ceil(2 * HEIGHT) * 2;
         let mut copies = Copies {
@@ -303,44 +305,38 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
                 .collect(),
             lower: product.lower.map(|_| product.taps.len() * product.run),
         };
-        let mut sums = [const { Sums([0.0; 2 * HEIGHT * WIDTH]) }; 2];
+        let mut sums = Sums([0.0; 2 * HEIGHT * WIDTH]);
         let limits = product.epilogue.needed::<S, A>(k);
         let mut within = vec![0; count];
-        let mut before = [None; 2];
-        let mut turn = 0;
+        let mut before = None;
         for frame in 0..count.div_ceil(frame_rows) {
             let rows = frame * frame_rows..((frame + 1) * frame_rows).min(count);
             for block in self.cut(rows, &mut within).chunks(block) {
                 copies.fill(block, product);
-                for panel in product.panels.iter() {
-                    for pair in block.chunks(2) {
+                let pairs = block.chunks(2);
+                let mut panels = product.panels.iter().peekable();
+                while let Some(panel) = panels.next() {
+                    let next = panels.peek().filter(|_| streamed);
+                    let next: &[L] = next.map_or(&[], |next| next.data);
+                    let mut next = next.chunks(next.len().div_ceil(pairs.len()).max(1));
+                    for pair in pairs.clone() {
                         let summed = Summed::of(pair, frame, &panel);
-                        // While tiles compute, vectors write what the tiles summed before.
-                        turn ^= 1;
-                        let then = before[turn].replace(summed);
-                        let write = |this: &mut Self, sums: &Sums, half: usize| {
-                            // Of bf16 all at the end: tiles wait for what writes so much.
-                            let halves = match (W::WHOLE, half) {
-                                (true, _) => half..half + 1,
-                                (false, 0) => return,
-                                (false, _) => 0..2,
-                            };
-                            if let Some(summed) = then {
-                                let of = (sums, &within[..], limits);
-                                this.finish(lanes, arithmetic, of, summed, halves);
-                            }
-                        };
-                        let to = (&mut *tiles, &mut sums[turn], S::F32_LANES);
-                        self.sum(to, (pair, &copies), summed, panel.data, write);
+                        let next = next.next().unwrap_or_default();
+                        let panel = (panel.data, next, S::F32_LANES);
+                        self.multiply(tiles, (pair, &copies), summed, panel);
+                        // While tiles compute, vectors write what was summed before.
+                        if let Some(before) = before.replace(summed) {
+                            let of = (&sums, &within[..], limits);
+                            self.finish(lanes, arithmetic, of, before);
+                        }
+                        let shape = [pair.len(), summed.vectors];
+                        store(tiles, shape, S::F32_LANES, &mut sums);
                     }
                 }
             }
         }
-        for turn in [turn ^ 1, turn] {
-            if let Some(summed) = before[turn] {
-                let of = (&sums[turn], &within[..], limits);
-                self.finish(lanes, arithmetic, of, summed, 0..2);
-            }
+        if let Some(before) = before {
+            self.finish(lanes, arithmetic, (&sums, &within, limits), before);
         }
     }
 
@@ -410,15 +406,14 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         })
     }
 
-    /// Sums one or two tiles of rows by a panel; `write` has one half of the sums before written.
+    /// Sums one or two tiles of rows by a panel. The sums stay in the tiles.
     #[inline(always)]
-    fn sum<T: Tiles<L>>(
-        &mut self,
-        (tiles, sums, lanes): (&mut T, &mut Sums, usize),
+    fn multiply<T: Tiles<L>>(
+        &self,
+        tiles: &mut T,
         (pair, copies): (&[Rows], &Copies<L>),
         summed: Summed,
-        panel: &[L],
-        write: impl Fn(&mut Self, &Sums, usize),
+        panel: (&[L], &[L], usize),
     ) {
         let product = self.product;
         if !W::WHOLE && product.epilogue.accumulate.is_some() {
@@ -430,19 +425,15 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         let last = pair[pair.len() - 1];
         let left = [copies.left(product, pair[0]), copies.left(product, last)];
         let steps = [self.plan.depth, product.run];
-        let vectors = (panel, lanes);
-        let before = &*sums;
-        let write = |half| write(self, before, half);
         match (pair.len(), summed.vectors) {
-            (1, 1) => multiply::<L, T, 1, 1>(tiles, steps, left, vectors, write),
-            (1, _) => multiply::<L, T, 1, 2>(tiles, steps, left, vectors, write),
-            (_, 1) => multiply::<L, T, 2, 1>(tiles, steps, left, vectors, write),
-            _ => multiply::<L, T, 2, 2>(tiles, steps, left, vectors, write),
+            (1, 1) => multiply::<L, T, 1, 1>(tiles, steps, left, panel),
+            (1, _) => multiply::<L, T, 1, 2>(tiles, steps, left, panel),
+            (_, 1) => multiply::<L, T, 2, 1>(tiles, steps, left, panel),
+            _ => multiply::<L, T, 2, 2>(tiles, steps, left, panel),
         }
-        store(tiles, [pair.len(), summed.vectors], lanes, sums);
     }
 
-    /// Writes one half or both of the rows that were summed.
+    /// Writes the rows that were summed.
     #[inline(always)]
     fn finish<S: Lanes, A: Arithmetic<S, Word = W>>(
         &mut self,
@@ -450,10 +441,9 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         arithmetic: A,
         (sums, within, limits): (&Sums, &[u8], usize),
         summed: Summed,
-        halves: Range<usize>,
     ) {
         let (first, count) = summed.rows;
-        let rows = first + count * halves.start / 2..first + count * halves.end / 2;
+        let rows = first..first + count;
         let finishing = Finishing {
             lanes,
             arithmetic,
@@ -484,19 +474,17 @@ pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     (panel, lanes): (&[W], usize),
     sums: &mut Sums,
 ) {
-    multiply::<W, T, H, V>(tiles, [depth, run], left, (panel, lanes), |_| ());
+    multiply::<W, T, H, V>(tiles, [depth, run], left, (panel, &[], lanes));
     store(tiles, [H, V], lanes, sums);
 }
 
-/// Leaves the sums in the tiles. Amid the last products, where they take the longest to come, does two halves of
-/// something else.
+/// Leaves the sums in the tiles. Meanwhile brings what is read next near.
 #[inline(always)]
 fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
     [depth, run]: [usize; 2],
     [upper, lower]: [Left<'_, W>; 2],
-    (panel, lanes): (&[W], usize),
-    mut meanwhile: impl FnMut(usize),
+    (panel, next, lanes): (&[W], &[W], usize),
 ) {
     let width = V * lanes;
     tiles.zero::<0>();
@@ -504,7 +492,9 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles.zero::<2>();
     tiles.zero::<3>();
     let taps = upper.taps.iter().zip(lower.taps);
-    let mut steps = upper.taps.len() * (run / depth);
+    let steps = upper.taps.len() * (run / depth);
+    let lines = next.len().div_ceil(LINE).div_ceil(steps.max(1)).max(1);
+    let mut next = next.chunks(LINE * lines);
     let words = run * width;
     let halves = 1 + usize::from(upper.lower.is_some());
     for ((&above, &below), panel) in taps.zip(panel.chunks_exact(halves * words)) {
@@ -513,24 +503,19 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
             let right = |run: usize| (&panel[run * words + at * width..][..depth * width], width);
             let left = [&upper.memory[above + at..], &lower.memory[below + at..]];
             let rows = [upper.step, lower.step];
-            steps -= 1;
+            prefetch(next.next().unwrap_or_default(), false);
             load_right::<W, T, V>(tiles, right(0), lanes);
             if let (Some(above), Some(below)) = (upper.lower, lower.lower) {
                 // Lower halves by upper ones, upper by upper, upper by lower: each is loaded once.
                 load_left::<W, T, H>(tiles, [&left[0][above..], &left[1][below..]], rows);
-                add::<W, T, H, V>(tiles, |_| ());
+                add::<W, T, H, V>(tiles);
                 load_left::<W, T, H>(tiles, left, rows);
-                add::<W, T, H, V>(tiles, |_| ());
+                add::<W, T, H, V>(tiles);
                 load_right::<W, T, V>(tiles, right(1), lanes);
             } else {
                 load_left::<W, T, H>(tiles, left, rows);
             }
-            let last = steps == 0;
-            add::<W, T, H, V>(tiles, |half| {
-                if last {
-                    meanwhile(half);
-                }
-            });
+            add::<W, T, H, V>(tiles);
         }
     }
 }
@@ -564,19 +549,14 @@ fn load_right<W: Word, T: Tiles<W>, const V: usize>(
 /// Adds the products of the tiles that are loaded. All are loaded before the first product: where a core's other thread
 /// computes too, that is a tenth faster than one by one.
 #[inline(always)]
-fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
-    tiles: &mut T,
-    mut meanwhile: impl FnMut(usize),
-) {
+fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(tiles: &mut T) {
     tiles.multiply_add::<0, 4, 6>();
-    meanwhile(0);
     if V == 2 {
         tiles.multiply_add::<1, 4, 7>();
     }
     if H == 2 {
         tiles.multiply_add::<2, 5, 6>();
     }
-    meanwhile(1);
     if H == 2 && V == 2 {
         tiles.multiply_add::<3, 5, 7>();
     }

@@ -21,7 +21,7 @@ use crate::network::{IMAGE, Map, Network};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::grid::{Grid, pixels};
-use crate::ops::image::rows_of_words;
+use crate::ops::image::Layout;
 use crate::ops::mean::frame_means;
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Real};
@@ -287,13 +287,13 @@ fn add_of_mean<'a, W: Real>(
 
 /// The images, normalised.
 fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> Value<W> {
-    let rows = rows_of_words::<W>(&grid);
+    let rows = Layout::Rows.memory::<W>(&grid);
     let mut memory = context.recycler.take(rows.len());
     let one = Grid { frames: 1, ..grid };
     let frames = memory.chunks_exact_mut(rows.frame_len());
     for (image, memory) in images.iter().zip(frames) {
         let by = (Threads::All, context.level);
-        lay_out(by, image, images, (memory, &one), Scale::UNIT);
+        lay_out(by, image, images, (memory, &one, Layout::Rows), Scale::UNIT);
     }
     Value { memory, grid }
 }

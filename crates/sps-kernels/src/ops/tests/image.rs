@@ -3,7 +3,7 @@
 use super::*;
 use crate::ops::bands::inside_pool;
 use crate::ops::conv_weight::weight_gradient_of_images;
-use crate::ops::image::rows_of_words;
+use crate::ops::image::{Layout, rows_of_words};
 
 /// Two images or sequences; windows one to eleven pixels wide, whose places lie one to four pixels apart. A row under the
 /// widest is of 17 pairs, which no tile divides.
@@ -45,6 +45,24 @@ pub(super) fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
     (memory, grid)
 }
 
+/// The same in cells of 2 x 2 pixels.
+fn in_cells<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
+    let grid = Grid::tight(case.frames, case.size, 3).padded(&case.shape.window);
+    let cells = Layout::Cells.memory::<W>(&grid);
+    let mut memory = vec![W::default(); cells.len()];
+    let [time, height, width] = case.size;
+    for (i, &value) in values.iter().enumerate() {
+        let (channel, x, y) = (i % 3, i / 3 % width, i / 3 / width % height);
+        let row = i / 3 / width / height;
+        let (x, y) = (x + grid.before[2], y + grid.before[1]);
+        let place = [row % time + grid.before[0], y / 2, x / 2];
+        let number = (y % 2 * 2 + x % 2) * 3 + channel;
+        let cell = &mut memory[cells.index(row / time, place)..][..cells.words];
+        W::each_mut(cell)[number] = W::narrowed(value as f32);
+    }
+    (memory, grid)
+}
+
 fn weights(case: &Case) -> Vec<f64> {
     whole(case.weights(), 2, [-2.0, 1.0])
 }
@@ -52,15 +70,30 @@ fn weights(case: &Case) -> Vec<f64> {
 fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f64> {
     let weights = narrow(&weights(case));
     let values = whole(case.numbers(), 1, [0.0, 3.0]);
-    let (source, from) = images::<W>(case, &values);
-    let conv = Conv::<W>::pack_for_images(level, case.shape, &weights);
+    let (source, from) = match Layout::of::<W>(level, case.shape.window.stride) {
+        Layout::Rows => images::<W>(case, &values),
+        Layout::Cells => in_cells::<W>(case, &values),
+    };
+    // The padding is known once an image is.
+    let window = case.shape.window;
+    let packed = Window {
+        before: [0; 3],
+        after: [0; 3],
+        ..window
+    };
+    let shape = ConvShape {
+        window: packed,
+        ..case.shape
+    };
+    let conv = Conv::<W>::pack_for_images(level, shape, &weights);
     let to = case.to::<W>().padded(&Window::square(3, 1, 1));
     let mut target = vec![W::default(); to.len()];
     let epilogue = Epilogue {
         limits: [0.0, 255.0],
         ..Epilogue::default()
     };
-    conv.apply(threads, (&source, &from), (&mut target, &to), epilogue);
+    let ends = ((&source[..], &from), (&mut target[..], &to));
+    conv.apply_by(&window, threads, ends.0, ends.1, epilogue);
     inside(&target, &to)
 }
 

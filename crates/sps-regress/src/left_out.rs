@@ -60,25 +60,53 @@ impl LeftOut {
     }
 
     /// The mean squared error when each part is left out of a linear fit: `residuals` are those of
-    /// the fit to all, and `blocks` the fit's. The errors of a part `B` solve `(I - H_BB) e = r_B`
-    /// (Golub, Heath and Wahba 1979 for one surface; Cook and Weisberg 1982, section 3.2, for
-    /// several).
+    /// the fit to all, and `blocks` the fit's.
     pub(crate) fn squared_error(
         &self,
         residuals: impl Fn(usize) -> f64,
         blocks: &[LeftOutBlock],
     ) -> f64 {
-        let parts = self.parts.iter().zip(blocks);
-        let errors = parts.map(|(part, block)| match block {
-            LeftOutBlock::One(slack) => (residuals(part[0]) / slack).powi(2),
-            LeftOutBlock::Several(Some(factor)) => {
-                let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
-                let errors = cleanly(|| factor.solve(&residuals));
-                errors.col(0).iter().map(|e| e * e).sum()
+        let mut sum = 0.0;
+        self.each_error(residuals, blocks, |_, error| sum += error * error);
+        sum / self.surfaces as f64
+    }
+
+    /// The errors themselves, by surface.
+    pub(crate) fn errors(
+        &self,
+        residuals: impl Fn(usize) -> f64,
+        blocks: &[LeftOutBlock],
+    ) -> Vec<f64> {
+        let mut errors = vec![0.0; self.surfaces];
+        self.each_error(residuals, blocks, |surface, error| errors[surface] = error);
+        errors
+    }
+
+    /// The errors of a part `B` solve `(I - H_BB) e = r_B` (Golub, Heath and Wahba 1979 for one surface; Cook and
+    /// Weisberg 1982, section 3.2, for several).
+    fn each_error(
+        &self,
+        residuals: impl Fn(usize) -> f64,
+        blocks: &[LeftOutBlock],
+        mut see: impl FnMut(usize, f64),
+    ) {
+        for (part, block) in self.parts.iter().zip(blocks) {
+            match block {
+                LeftOutBlock::One(slack) => see(part[0], residuals(part[0]) / slack),
+                LeftOutBlock::Several(Some(factor)) => {
+                    let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
+                    let errors = cleanly(|| factor.solve(&residuals));
+                    for (&surface, &error) in part.iter().zip(errors.col(0).iter()) {
+                        see(surface, error);
+                    }
+                }
+                LeftOutBlock::Several(None) => {
+                    for &surface in part {
+                        see(surface, f64::INFINITY);
+                    }
+                }
             }
-            LeftOutBlock::Several(None) => f64::INFINITY,
-        });
-        errors.sum::<f64>() / self.surfaces as f64
+        }
     }
 
     /// The mean squared error of the mean of all other parts, for values less their mean; none of

@@ -106,6 +106,28 @@ impl Spectrum {
         self.blocks.iter().enumerate().map(error).collect()
     }
 
+    /// What is estimated of each part by the others, with the penalty that a fit chose.
+    pub(super) fn left_out_estimates(
+        &self,
+        values: &[f64],
+        left_out: &LeftOut,
+        penalty: f64,
+    ) -> Option<Vec<f64>> {
+        let penalty = self.penalties.iter().position(|of| *of == penalty)?;
+        let level = mean(values);
+        let centred: Vec<f64> = values.iter().map(|value| value - level).collect();
+        let along = self.along(&centred);
+        let kept = Mat::from_fn(values.len(), 1, |k, _| along[k] * self.kept(k, penalty));
+        let residuals = product(self.vectors.as_ref(), &kept);
+        let errors = left_out.errors(|i| residuals[(i, 0)], &self.blocks[penalty]);
+        Some(values.iter().zip(errors).map(|(v, e)| v - e).collect())
+    }
+
+    /// Of this kernel.
+    pub(super) fn shape(&self) -> Shape {
+        self.shape
+    }
+
     /// The values on the principal axes.
     fn along(&self, values: &[f64]) -> Vec<f64> {
         let on_axis = |axis: faer::ColRef<'_, f64>| {
@@ -163,6 +185,30 @@ impl Fit {
         }
     }
 
+    pub(super) fn coefficients(&self) -> Option<&[f64]> {
+        self.expansion.as_ref().map(|e| &e.coefficients[..])
+    }
+
+    /// The estimates of so many surfaces by the kernels of these shapes, `(training surfaces, surfaces)`.
+    pub(super) fn estimates(
+        &self,
+        shapes: &[Shape],
+        kernels: &[Mat<f64>],
+        surfaces: usize,
+    ) -> Vec<f64> {
+        let mut estimates = vec![self.intercept; surfaces];
+        if let Some(expansion) = &self.expansion {
+            let of_shape = shapes.iter().zip(kernels);
+            for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
+                for (estimate, column) in estimates.iter_mut().zip(kernel.col_iter()) {
+                    let terms = column.iter().zip(&expansion.coefficients);
+                    *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+                }
+            }
+        }
+        estimates
+    }
+
     /// The fit with one of the penalties; its error is still to be told.
     pub(super) fn with(spectrum: &Spectrum, values: &[f64], penalty: usize) -> Self {
         let level = mean(values);
@@ -177,7 +223,7 @@ impl Fit {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
+pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 

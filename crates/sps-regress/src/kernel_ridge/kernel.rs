@@ -66,7 +66,7 @@ impl Shape {
     }
 
     /// The kernel at a [proximity](Points::proximities), with the block's scale.
-    fn at(self, proximity: f64, scale: f64) -> f64 {
+    pub(super) fn at(self, proximity: f64, scale: f64) -> f64 {
         match self.kernel {
             Kernel::Exponential => (-proximity / (self.width * scale)).exp(),
             Kernel::Gaussian => (-0.5 * (proximity / (self.width * scale)).powi(2)).exp(),
@@ -100,7 +100,7 @@ impl Proximity {
 
     /// The scale of a block's proximities: the median distance of the training surfaces that differ; or of
     /// products their mean for each surface with itself, but for a block alone the number of features.
-    fn scale(self, proximities: &Mat<f64>, alone: Option<usize>) -> f64 {
+    pub(super) fn scale(self, proximities: &Mat<f64>, alone: Option<usize>) -> f64 {
         if self == Self::Product {
             let surfaces = proximities.ncols();
             let trace: f64 = (0..surfaces).map(|i| proximities[(i, i)]).sum();

@@ -1,6 +1,7 @@
 //! Kernel ridge regression from embeddings to tactile values: a strong, cheap baseline for every network.
 
 mod design;
+mod first_stage;
 mod fit;
 mod kernel;
 mod set_losses;
@@ -19,6 +20,7 @@ use crate::fitted::{Fitted, FittedModel};
 use crate::groups::{Group, fit_groups, sharing};
 use crate::plan::{Plan, TrainingData, Trial};
 use crate::regressor::{check_fits, check_positive};
+use first_stage::FirstStage;
 use fit::{Fit, Spectrum};
 pub use kernel::{Kernel, Shape};
 use kernel::{Part, Points, Proximity};
@@ -42,6 +44,14 @@ pub struct KernelRidgeConfig {
     /// the plan's seed and the rerun. Time grows with the third power of their number, memory with its
     /// square. [`SetLosses`] take all that they are given.
     pub at_most: usize,
+    /// Whether each property is fitted a second time, with one block more that counts as all others together: what
+    /// the first fits estimate of all properties. Of the training surfaces it has the estimates by the others, each
+    /// left out in turn. Default: false.
+    ///
+    /// Stacked single-target regression (Spyromitros-Xioufis, Tsoumakas, Groves and Vlahavas, "Multi-target regression
+    /// via input space expansion", Machine Learning 104, 2016). It takes the properties that have readings of the same
+    /// surfaces; of one alone there is no second fit. [`SetLosses`] do without.
+    pub stacked_targets: bool,
 }
 
 impl Default for KernelRidgeConfig {
@@ -58,6 +68,7 @@ impl Default for KernelRidgeConfig {
                 3.16,
             ],
             at_most: 4000,
+            stacked_targets: false,
         }
     }
 }
@@ -95,6 +106,14 @@ impl KernelRidge {
             let expected = "none but linear ones, or none of these";
             return Err(Error::input("kernels to choose from", found, expected));
         }
+        if config.stacked_targets && Proximity::all_linear(&config.kernels) {
+            let expected = "none with stacked targets";
+            return Err(Error::input(
+                "kernels to choose from",
+                "linear ones",
+                expected,
+            ));
+        }
         if config.at_most == 0 {
             let what = "surfaces that kernel ridge regression stands on";
             return Err(Error::input(what, 0, "at least 1"));
@@ -120,15 +139,27 @@ impl KernelRidge {
     }
 
     fn fit(&self, group: &Group<'_>) -> Result<Vec<TrainedKernelRidge>> {
-        let (scales, kernels) = self.kernels(&group.embeddings);
-        let spectrum =
-            |(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out);
-        let spectra = parallel::map(kernels, spectrum).into_iter();
-        let spectra = spectra.collect::<Result<Vec<_>>>()?;
+        let (scales, mut kernels) = self.kernels(&group.embeddings);
+        let spectra = |kernels: Vec<(Shape, Mat<f64>)>| {
+            let spectra = parallel::map(kernels, |(shape, kernel)| {
+                Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out)
+            });
+            spectra.into_iter().collect::<Result<Vec<_>>>()
+        };
+        let mut first = None;
+        if self.0.stacked_targets && group.jobs.len() > 1 {
+            let stage = FirstStage::of(&spectra(kernels.clone())?, group);
+            parallel::each(&mut kernels, |(shape, kernel)| {
+                stage.add_own(kernel, *shape);
+            });
+            first = Some(stage);
+        }
+        let spectra = spectra(kernels)?;
         let support = Arc::new(Support {
             proximity: Proximity::of(&self.0.kernels),
             embeddings: group.embeddings.clone(),
             scales,
+            first,
         });
         Ok(parallel::map(&group.jobs, |job| TrainedKernelRidge {
             trial: job.trial.clone(),
@@ -179,11 +210,36 @@ struct Support {
     embeddings: Embeddings,
     /// Of each block of each view.
     scales: Vec<f64>,
+    /// Whose estimates are a block more.
+    first: Option<FirstStage>,
 }
 
 impl Support {
-    /// Matrices `(training surfaces, those in the range)`, one for each of the kernels.
+    fn first_fits(&self) -> impl Iterator<Item = &Fit> {
+        let fits = self.first.iter().flat_map(|stage| &stage.fits);
+        fits.map(|first| &first.fit)
+    }
+
+    /// Matrices `(training surfaces, those in the range)`, one for each of the kernels, that of the first estimates
+    /// among them.
     fn kernels(
+        &self,
+        embeddings: &Embeddings,
+        range: &Range<usize>,
+        shapes: &[Shape],
+    ) -> Vec<Mat<f64>> {
+        let mut kernels = self.kernels_of_embeddings(embeddings, range, shapes);
+        if let Some(stage) = &self.first {
+            let estimate = |fit: &Fit| fit.estimates(shapes, &kernels, range.len());
+            let estimates: Vec<_> = self.first_fits().map(estimate).collect();
+            for (kernel, &shape) in kernels.iter_mut().zip(shapes) {
+                stage.add(kernel, shape, &estimates);
+            }
+        }
+        kernels
+    }
+
+    fn kernels_of_embeddings(
         &self,
         embeddings: &Embeddings,
         range: &Range<usize>,
@@ -266,13 +322,18 @@ impl FittedModel for TrainedKernelRidge {
     fn multiply_adds(models: &[Self]) -> u64 {
         let of = |sharing: &Sharing<'_>| {
             let embeddings = &sharing.support.embeddings;
-            let expansions = sharing.ridges.iter();
-            let expansions = expansions.filter(|&&at| models[at].fit.expansion.is_some());
+            let fits = sharing.ridges.iter().map(|&at| &models[at].fit);
+            let fits = fits.chain(sharing.support.first_fits());
+            let expansions = fits.filter(|fit| fit.expansion.is_some());
             let distances = match sharing.shapes.len() {
                 0 => 0,
                 shapes => embeddings.width() + embeddings.blocks().len() * shapes,
             };
-            let distances = embeddings.views() * distances;
+            let first = match sharing.support.first_fits().count() {
+                0 => 0,
+                fits => fits + sharing.shapes.len(),
+            };
+            let distances = embeddings.views() * distances + first;
             (embeddings.surfaces() * (distances + expansions.count())) as u64
         };
         Sharing::of(models).iter().map(of).sum()
@@ -298,9 +359,11 @@ struct Sharing<'a> {
 impl<'a> Sharing<'a> {
     fn of(models: &'a [TrainedKernelRidge]) -> Vec<Self> {
         let shared = sharing(models.iter().map(|ridge| &ridge.support));
-        let of = |(support, ridges): (_, Vec<usize>)| {
+        let of = |(support, ridges): (&'a Arc<Support>, Vec<usize>)| {
             let mut shapes = Vec::new();
-            for shape in ridges.iter().filter_map(|&at| models[at].shape()) {
+            let fits = ridges.iter().map(|&at| &models[at].fit);
+            let fits = fits.chain(support.first_fits());
+            for shape in fits.filter_map(|fit| fit.expansion.as_ref().map(|e| e.shape)) {
                 if !shapes.contains(&shape) {
                     shapes.push(shape);
                 }
@@ -322,21 +385,9 @@ impl<'a> Sharing<'a> {
         range: &Range<usize>,
     ) -> Vec<Vec<f64>> {
         let kernels = self.support.kernels(embeddings, range, &self.shapes);
-        let of = |&at: &usize| {
-            let fit = &models[at].fit;
-            let mut estimates = vec![fit.intercept; range.len()];
-            if let Some(expansion) = &fit.expansion {
-                let of_shape = self.shapes.iter().zip(&kernels);
-                for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
-                    for (estimate, column) in estimates.iter_mut().zip(kernel.col_iter()) {
-                        let terms = column.iter().zip(&expansion.coefficients);
-                        *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
-                    }
-                }
-            }
-            estimates
-        };
-        self.ridges.iter().map(of).collect()
+        let fits = self.ridges.iter().map(|&at| &models[at].fit);
+        fits.map(|fit| fit.estimates(&self.shapes, &kernels, range.len()))
+            .collect()
     }
 }
 

@@ -1,11 +1,13 @@
 //! Fitted regressions as safetensors. The training surfaces that some share are there once, as
 //! `i/embeddings`, f32, `(surfaces, views, width)`, and their coefficients beside them as
-//! `i/coefficients`, f64, `(regressions, surfaces)`; the metadata hold the rest as JSON.
+//! `i/coefficients`, f64, `(regressions, surfaces)`; the metadata hold the rest as JSON. Those of a first stage stand
+//! before the others, each after what is estimated of the training surfaces.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::first_stage::{FirstFit, FirstStage};
 use super::fit::{Expansion, Fit};
 use super::kernel::Proximity;
 use super::{Kernel, Shape, Sharing, Support, TrainedKernelRidge};
@@ -38,6 +40,17 @@ struct StoredSupport {
     /// The blocks of a view; none where it is one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     blocks: Vec<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    first: Vec<StoredFirst>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct StoredFirst {
+    unit: f64,
+    intercept: f64,
+    left_out_error: Option<f64>,
+    expansion: Option<Chosen>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -68,6 +81,11 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         let numbers = fit.left_out_error.iter().chain(&support.scales);
         let numbers = numbers.chain(coefficients).chain([&fit.intercept]);
         check_finite(FILE.what, numbers.copied())?;
+        let first = support.first_fits().flat_map(|fit| &fit.expansion);
+        check_finite(
+            FILE.what,
+            first.flat_map(|e| e.coefficients.iter().copied()),
+        )?;
     }
     // `support` is set below, where the regressions that share one stand together.
     let stored = |ridge: &TrainedKernelRidge| {
@@ -77,12 +95,7 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
             support: 0,
             intercept: ridge.fit.intercept,
             left_out_error: ridge.fit.left_out_error,
-            expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
-                kernel: Some(expansion.shape.kernel).filter(|kernel| *kernel != usual),
-                width: expansion.shape.width,
-                leaning: expansion.shape.leaning,
-                penalty: expansion.penalty,
-            }),
+            expansion: ridge.fit.expansion.as_ref().map(|e| Chosen::of(e, usual)),
         }
     };
     let mut metadata = Metadata {
@@ -97,13 +110,16 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
             kernel: usual(support.proximity),
             scales: support.scales.clone(),
             blocks: stored_blocks([&support.embeddings].into_iter()),
+            first: first_fits(support).map(StoredFirst::of).collect(),
         });
         for &ridge in &sharing.ridges {
             metadata.ridges[ridge].support = at;
         }
         let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
-        let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
-        let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
+        let first = first_fits(support)
+            .flat_map(|first| [Some(&first.left_out[..]), first.fit.coefficients()]);
+        let rows = first.chain(ridges.map(|ridge| ridge.fit.coefficients()));
+        let rows: Vec<&[f64]> = rows.flatten().collect();
         contents.extend(Content::set(at, &support.embeddings, "coefficients", &rows));
     }
     FILE.write(&metadata, &contents)
@@ -122,23 +138,7 @@ pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedKernelRidge>> {
             let found = format_args!("training surfaces {}", stored.support);
             return Err(FILE.refused(found, "some that are there"));
         };
-        let expansion = stored.expansion.map(|chosen| {
-            let shape = Shape {
-                kernel: chosen.kernel.unwrap_or(*usual),
-                width: chosen.width,
-                leaning: chosen.leaning,
-            };
-            positive("width", shape.width)?;
-            if Proximity::of(&[shape]) != support.proximity {
-                return Err(FILE.refused("a linear kernel among others", "none such"));
-            }
-            let missing = || FILE.refused("too few coefficients", "some for each regression");
-            Ok(Expansion {
-                shape,
-                penalty: chosen.penalty,
-                coefficients: rows.next().ok_or_else(missing)?,
-            })
-        });
+        let expansion = stored.expansion.map(|chosen| chosen.read(*usual, rows));
         ridges.push(TrainedKernelRidge {
             trial: stored.trial,
             fit: Fit {
@@ -163,7 +163,7 @@ fn read_support(
     at: usize,
     stored: StoredSupport,
 ) -> Result<(Arc<Support>, Kernel, Rows)> {
-    let (embeddings, rows) = contents.set(at, "coefficients", &stored.blocks)?;
+    let (embeddings, mut rows) = contents.set(at, "coefficients", &stored.blocks)?;
     let kernels = embeddings.views() * embeddings.blocks().len();
     if kernels != stored.scales.len() {
         let scales = stored.scales.len();
@@ -173,12 +173,82 @@ fn read_support(
     for &scale in &stored.scales {
         positive("scale", scale)?;
     }
+    let first = stored.first.into_iter().map(|first| {
+        positive("unit", first.unit)?;
+        let left_out = next(&mut rows)?;
+        let expansion = first
+            .expansion
+            .map(|chosen| chosen.read(stored.kernel, &mut rows));
+        Ok(FirstFit {
+            fit: Fit {
+                intercept: first.intercept,
+                left_out_error: first.left_out_error,
+                expansion: expansion.transpose()?,
+            },
+            unit: first.unit,
+            left_out,
+        })
+    });
+    let first = first.collect::<Result<Vec<_>>>()?;
     let support = Support {
         proximity: Proximity::of(&[Shape::even(stored.kernel, 1.0)]),
         embeddings,
         scales: stored.scales,
+        first: (!first.is_empty()).then(|| FirstStage::new(first)),
     };
     Ok((Arc::new(support), stored.kernel, rows))
+}
+
+fn first_fits(support: &Support) -> impl Iterator<Item = &FirstFit> {
+    support.first.iter().flat_map(|stage| &stage.fits)
+}
+
+impl StoredFirst {
+    fn of(FirstFit { fit, unit, .. }: &FirstFit) -> Self {
+        Self {
+            unit: *unit,
+            intercept: fit.intercept,
+            left_out_error: fit.left_out_error,
+            expansion: fit
+                .expansion
+                .as_ref()
+                .map(|e| Chosen::of(e, Kernel::Exponential)),
+        }
+    }
+}
+
+impl Chosen {
+    fn of(expansion: &Expansion, usual: Kernel) -> Self {
+        Self {
+            kernel: Some(expansion.shape.kernel).filter(|kernel| *kernel != usual),
+            width: expansion.shape.width,
+            leaning: expansion.shape.leaning,
+            penalty: expansion.penalty,
+        }
+    }
+
+    /// With its coefficients, the next of these rows.
+    fn read(self, usual: Kernel, rows: &mut Rows) -> Result<Expansion> {
+        let shape = Shape {
+            kernel: self.kernel.unwrap_or(usual),
+            width: self.width,
+            leaning: self.leaning,
+        };
+        positive("width", shape.width)?;
+        if Proximity::of(&[shape]) != Proximity::of(&[Shape::even(usual, 1.0)]) {
+            return Err(FILE.refused("a linear kernel among others", "none such"));
+        }
+        Ok(Expansion {
+            shape,
+            penalty: self.penalty,
+            coefficients: next(rows)?,
+        })
+    }
+}
+
+fn next(rows: &mut Rows) -> Result<Vec<f64>> {
+    let missing = || FILE.refused("too few coefficients", "some for each regression");
+    rows.next().ok_or_else(missing)
 }
 
 /// The kernel that a file need not say of each regression.

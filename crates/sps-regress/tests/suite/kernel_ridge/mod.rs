@@ -1,6 +1,7 @@
 mod design;
 mod hard_cases;
 mod set_losses;
+mod stacked_targets;
 
 use ndarray::{Array1, Array2, Axis};
 use sps_regress::kernel_ridge::{

@@ -155,7 +155,8 @@ impl<W: Word> Kernel for LayOut<'_, '_, W> {
         let words = memory.size[2] * memory.pitch;
         let height = self.grid.size[1];
         let mut numbers = vec![self.scale.zero; W::NUMBERS * words];
-        let mut line = vec![W::default(); words];
+        // A row of the image, of which a row of cells has two.
+        let mut line = vec![W::default(); words.div_ceil(CELL)];
         for row in self.band.rows(&memory) {
             let first = memory.row_start(row) - self.band.origin;
             let out = &mut target[first..][..words];

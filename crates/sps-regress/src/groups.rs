@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use sps_base::parallel;
 
-use crate::data::Embeddings;
+use crate::data::{Embeddings, Readings};
 use crate::error::{Error, Result};
 use crate::left_out::LeftOut;
 use crate::plan::{Plan, TrainingData, Trial, Views};
@@ -23,8 +23,24 @@ pub(crate) struct Group<'a> {
     /// `(surfaces, views, width)`, the training surfaces in ascending order.
     pub(crate) embeddings: Embeddings,
     pub(crate) left_out: LeftOut,
+    surfaces: Vec<usize>,
+    readings: &'a Readings,
     /// In the order of the plan.
     pub(crate) jobs: Vec<Job<'a>>,
+}
+
+impl Group<'_> {
+    /// The values of each property that was read of every surface of the group, whether the plan asks for it or not.
+    pub(crate) fn read_of_all(&self) -> Vec<Vec<f64>> {
+        let columns = 0..self.readings.properties().len();
+        let values = |column| {
+            let surfaces = self.surfaces.iter();
+            surfaces
+                .map(move |&at| self.readings.get(at, column))
+                .collect()
+        };
+        columns.filter_map(values).collect()
+    }
 }
 
 /// What `fit` makes of each group, a model for each of its jobs, in the order of the plan's trials.
@@ -52,6 +68,8 @@ pub(crate) fn fit_groups<T: Send>(
         let group = Group {
             embeddings: data.embeddings.select(&surfaces, views)?,
             left_out: LeftOut::of(&surfaces, data.units),
+            surfaces,
+            readings: data.readings,
             jobs,
         };
         let models = fit(&group)?;

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use fuzz::{Damage, broken, damaged, fuzz, nested, said};
 use safetensors::tensor::TensorView;
-use sps_regress::kernel_ridge::KernelRidge;
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::nearest::Nearest;
 use sps_regress::ridge::Ridge;
 use sps_regress::stacking::Stacking;
@@ -45,8 +45,16 @@ fn archives() {
         Box::new(kernel.clone()),
         Box::new(stacking(vec![Box::new(ridge)])),
     ]);
-    let regressors: [Box<dyn Regressor>; 3] =
-        [Box::new(kernel), Box::new(Nearest), Box::new(stack)];
+    let twice = KernelRidge::new(KernelRidgeConfig {
+        stacked_targets: true,
+        ..KernelRidgeConfig::default()
+    });
+    let regressors: [Box<dyn Regressor>; 4] = [
+        Box::new(kernel),
+        Box::new(twice.unwrap()),
+        Box::new(Nearest),
+        Box::new(stack),
+    ];
     for regressor in regressors {
         let fitted = regressor.fit(&made.data(), &made.plan()).unwrap();
         let files = vec![fitted.to_bytes().unwrap()];

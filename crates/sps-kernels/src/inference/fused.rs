@@ -34,7 +34,7 @@ pub(super) struct Fused<W> {
     /// Whether numbers of f32 are [split](crate::ops::split).
     split: bool,
     pub(super) network: Network,
-    /// Of images in memory.
+    /// How images lie in memory.
     layout: Layout,
     steps: Vec<Step<W>>,
     slots: Slots,

@@ -285,14 +285,16 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         };
         // Either panels, rows and what is written stay in the first-level cache, or rows stay in the second and each
         // panel, brought near while the one before it is multiplied, meets them.
-        let (n, words) = (product.panels.n, product.row_words());
+        let n = product.panels.n;
         let streamed = k * n > SMALL;
-        let rows = if streamed {
-            CACHE / words
-        } else {
-            NEAR / (words + W::words(n))
+        let block = |words: usize| {
+            let rows = if streamed {
+                CACHE / words
+            } else {
+                NEAR / (words + W::words(n))
+            };
+            rows.div_ceil(2 * HEIGHT) * 2
         };
-        let block = rows.div_ceil(2 * HEIGHT) * 2;
         let mut copies = Copies {
             memory: Vec::new(),
             first: 0,
@@ -311,7 +313,12 @@ impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
         let mut before = None;
         for frame in 0..count.div_ceil(frame_rows) {
             let rows = frame * frame_rows..((frame + 1) * frame_rows).min(count);
-            for block in self.cut(rows, &mut within).chunks(block) {
+            let cut = self.cut(rows, &mut within);
+            // Rows that are copied share no words.
+            let copied = |rows: &&Rows| matches!(rows.read, Read::Copy(_));
+            let most = 2 * cut.iter().filter(copied).count() > cut.len();
+            let words = if most { k } else { product.row_words() };
+            for block in cut.chunks(block(words)) {
                 copies.fill(block, product);
                 let pairs = block.chunks(2);
                 let mut panels = product.panels.iter().peekable();

@@ -5,7 +5,7 @@ use sps_base::parallel;
 
 use super::fit::{Fit, Spectrum, mean};
 use super::kernel::{Proximity, Shape};
-use crate::groups::Group;
+use crate::left_out::LeftOut;
 
 /// Fits to the readings of several properties of the same surfaces.
 #[derive(Debug, PartialEq)]
@@ -31,53 +31,62 @@ impl FirstStage {
         stage
     }
 
-    /// Of the properties of a group.
-    pub(super) fn of(spectra: &[Spectrum], group: &Group<'_>) -> Self {
-        let fits = parallel::map(&group.jobs, |job| {
-            let fit = Fit::best(spectra, &job.values, &group.left_out);
-            let level = mean(&job.values);
-            let squared = job.values.iter().map(|value| (value - level).powi(2));
-            let deviation = (squared.sum::<f64>() / job.values.len() as f64).sqrt();
-            let left_out = fit.expansion.as_ref().and_then(|chosen| {
+    /// Of these values of each property.
+    pub(super) fn of(spectra: &[Spectrum], values: &[Vec<f64>], left_out: &LeftOut) -> Self {
+        let fits = parallel::map(values, |values| {
+            let fit = Fit::best(spectra, values, left_out);
+            let level = mean(values);
+            let squared = values.iter().map(|value| (value - level).powi(2));
+            let deviation = (squared.sum::<f64>() / values.len() as f64).sqrt();
+            let estimates = fit.expansion.as_ref().and_then(|chosen| {
                 let spectrum = spectra.iter().find(|of| of.shape() == chosen.shape)?;
-                spectrum.left_out_estimates(&job.values, &group.left_out, chosen.penalty)
+                spectrum.left_out_estimates(values, left_out, chosen.penalty)
             });
-            let left_out = left_out.filter(|estimates| estimates.iter().all(|x| x.is_finite()));
+            let estimates = estimates.filter(|estimates| estimates.iter().all(|x| x.is_finite()));
             FirstFit {
                 fit,
                 unit: if deviation > 0.0 { deviation } else { 1.0 },
-                left_out: left_out.unwrap_or_else(|| vec![level; job.values.len()]),
+                left_out: estimates.unwrap_or_else(|| vec![level; values.len()]),
             }
         });
         Self::new(fits)
     }
 
-    /// `(surfaces, properties)`.
-    fn left_out(&self) -> Vec<Vec<f64>> {
-        self.fits.iter().map(|fit| fit.left_out.clone()).collect()
+    /// By property, of each training surface.
+    fn left_out(&self) -> Vec<&[f64]> {
+        self.fits.iter().map(|fit| &fit.left_out[..]).collect()
     }
 
-    /// Adds to the kernel of this shape, `(training surfaces, others)`, that of the others' estimates, by property.
-    pub(super) fn add(&self, kernel: &mut Mat<f64>, shape: Shape, estimates: &[Vec<f64>]) {
+    /// Adds to kernels of these shapes, `(training surfaces, others)`, those of what is estimated, by property, of the
+    /// others.
+    pub(super) fn add<'k, E: AsRef<[f64]>>(
+        &self,
+        kernels: impl Iterator<Item = (Shape, &'k mut Mat<f64>)>,
+        estimates: &[E],
+    ) {
         let distances = self.distances(estimates);
-        for (kernel, distances) in kernel.col_iter_mut().zip(distances.col_iter()) {
-            for (value, &distance) in kernel.iter_mut().zip(distances.iter()) {
-                *value += shape.at(distance, self.scale);
+        for (shape, kernel) in kernels {
+            for (kernel, distances) in kernel.col_iter_mut().zip(distances.col_iter()) {
+                for (value, &distance) in kernel.iter_mut().zip(distances.iter()) {
+                    *value += shape.at(distance, self.scale);
+                }
             }
         }
     }
 
     /// The same between training surfaces.
-    pub(super) fn add_own(&self, kernel: &mut Mat<f64>, shape: Shape) {
-        self.add(kernel, shape, &self.left_out());
+    pub(super) fn add_own<'k>(&self, kernels: impl Iterator<Item = (Shape, &'k mut Mat<f64>)>) {
+        self.add(kernels, &self.left_out());
     }
 
-    fn distances(&self, estimates: &[Vec<f64>]) -> Mat<f64> {
-        let count = |estimates: Option<&Vec<f64>>| estimates.map_or(0, Vec::len);
-        let surfaces = count(self.fits.first().map(|fit| &fit.left_out));
-        Mat::from_fn(surfaces, count(estimates.first()), |i, j| {
+    /// From each training surface to each of those that are estimated so.
+    fn distances<E: AsRef<[f64]>>(&self, estimates: &[E]) -> Mat<f64> {
+        let surfaces = self.fits.first().map_or(0, |fit| fit.left_out.len());
+        let others = estimates.first().map_or(0, |of| of.as_ref().len());
+        Mat::from_fn(surfaces, others, |i, j| {
             let fits = self.fits.iter().zip(estimates);
-            let apart = fits.map(|(fit, other)| ((fit.left_out[i] - other[j]) / fit.unit).powi(2));
+            let apart =
+                fits.map(|(fit, of)| ((fit.left_out[i] - of.as_ref()[j]) / fit.unit).powi(2));
             apart.sum::<f64>().sqrt()
         })
     }

@@ -44,13 +44,14 @@ pub struct KernelRidgeConfig {
     /// the plan's seed and the rerun. Time grows with the third power of their number, memory with its
     /// square. [`SetLosses`] take all that they are given.
     pub at_most: usize,
-    /// Whether each property is fitted a second time, with one block more that counts as all others together: what
-    /// the first fits estimate of all properties. Of the training surfaces it has the estimates by the others, each
-    /// left out in turn. Default: false.
+    /// Whether each property is fitted twice. The first fits estimate all properties, of a training surface without its
+    /// own readings; to the second fit these estimates are one block more, which counts as much as all others together.
+    /// Default: false.
     ///
     /// Stacked single-target regression (Spyromitros-Xioufis, Tsoumakas, Groves and Vlahavas, "Multi-target regression
-    /// via input space expansion", Machine Learning 104, 2016). It takes the properties that have readings of the same
-    /// surfaces; of one alone there is no second fit. [`SetLosses`] do without.
+    /// via input space expansion", Machine Learning 104, 2016). All properties are those with a reading of every
+    /// surface that the fit stands on, whether the plan asks for them or not; of one alone there is no second fit.
+    /// [`SetLosses`] do without.
     pub stacked_targets: bool,
 }
 
@@ -147,12 +148,14 @@ impl KernelRidge {
             spectra.into_iter().collect::<Result<Vec<_>>>()
         };
         let mut first = None;
-        if self.0.stacked_targets && group.jobs.len() > 1 {
-            let stage = FirstStage::of(&spectra(kernels.clone())?, group);
-            parallel::each(&mut kernels, |(shape, kernel)| {
-                stage.add_own(kernel, *shape);
-            });
-            first = Some(stage);
+        if self.0.stacked_targets {
+            let values = group.read_of_all();
+            if values.len() > 1 {
+                let spectra = spectra(kernels.clone())?;
+                let stage = FirstStage::of(&spectra, &values, &group.left_out);
+                stage.add_own(kernels.iter_mut().map(|(shape, kernel)| (*shape, kernel)));
+                first = Some(stage);
+            }
         }
         let spectra = spectra(kernels)?;
         let support = Arc::new(Support {
@@ -210,7 +213,7 @@ struct Support {
     embeddings: Embeddings,
     /// Of each block of each view.
     scales: Vec<f64>,
-    /// Whose estimates are a block more.
+    /// Whose estimates are one block more, where there are two stages.
     first: Option<FirstStage>,
 }
 
@@ -232,9 +235,7 @@ impl Support {
         if let Some(stage) = &self.first {
             let estimate = |fit: &Fit| fit.estimates(shapes, &kernels, range.len());
             let estimates: Vec<_> = self.first_fits().map(estimate).collect();
-            for (kernel, &shape) in kernels.iter_mut().zip(shapes) {
-                stage.add(kernel, shape, &estimates);
-            }
+            stage.add(shapes.iter().copied().zip(&mut kernels), &estimates);
         }
         kernels
     }
@@ -281,7 +282,8 @@ impl TrainedKernelRidge {
 
     /// Mean squared error, in squared measured units, of each training surface or unit when it is left out,
     /// with the kernel and penalty that were chosen; `None` of a single surface. As the least of many, it lies
-    /// slightly below the error of a new one.
+    /// slightly below the error of a new one; with [stacked targets](KernelRidgeConfig::stacked_targets) further, as
+    /// the first fits to the other surfaces saw its readings.
     pub fn left_out_error(&self) -> Option<f64> {
         self.fit.left_out_error
     }

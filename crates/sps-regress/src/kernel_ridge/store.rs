@@ -40,6 +40,7 @@ struct StoredSupport {
     /// The blocks of a view; none where it is one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     blocks: Vec<usize>,
+    /// The fits of a first stage; none where there is but one stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     first: Vec<StoredFirst>,
 }
@@ -81,11 +82,11 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         let numbers = fit.left_out_error.iter().chain(&support.scales);
         let numbers = numbers.chain(coefficients).chain([&fit.intercept]);
         check_finite(FILE.what, numbers.copied())?;
-        let first = support.first_fits().flat_map(|fit| &fit.expansion);
-        check_finite(
-            FILE.what,
-            first.flat_map(|e| e.coefficients.iter().copied()),
-        )?;
+        for first in first_fits(support) {
+            let numbers = first.fit.coefficients().into_iter().flatten();
+            let numbers = numbers.chain([&first.fit.intercept, &first.unit]);
+            check_finite(FILE.what, numbers.chain(&first.left_out).copied())?;
+        }
     }
     // `support` is set below, where the regressions that share one stand together.
     let stored = |ridge: &TrainedKernelRidge| {
@@ -190,8 +191,12 @@ fn read_support(
         })
     });
     let first = first.collect::<Result<Vec<_>>>()?;
+    let proximity = Proximity::of(&[Shape::even(stored.kernel, 1.0)]);
+    if proximity == Proximity::Product && !first.is_empty() {
+        return Err(FILE.refused("a first stage of linear kernels", "other kernels"));
+    }
     let support = Support {
-        proximity: Proximity::of(&[Shape::even(stored.kernel, 1.0)]),
+        proximity,
         embeddings,
         scales: stored.scales,
         first: (!first.is_empty()).then(|| FirstStage::new(first)),
